@@ -52,11 +52,11 @@ def measured(browser, opsr, chosen, scene):
                 page.screenshot(path=pathlib.Path(chosen.shots) / name)
         page.wait_for_function("t => performance.now() / 1000 >= t", arg=begun + SECONDS, timeout=60_000)
         pictures, counts = page.evaluate("[window.pictures, window.counts]")
-        pictures = [p for p in pictures if not p[1] and p[0] < begun + SECONDS]
+        pictures = [p for p in pictures if p[2] > 0 and p[0] < begun + SECONDS]
         counts = [c for c in counts if begun < c < begun + SECONDS]
         early = [p for p in pictures if p[0] < begun + 10]
 
-        # A drag, and the first finished picture of more than one sample after it.
+        # A drag, and the first picture of more than one sample of every pixel after it.
         box = page.locator("#stage").bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + 0.6 * box["height"]
         page.mouse.move(x, y)
@@ -66,7 +66,7 @@ def measured(browser, opsr, chosen, scene):
         released = time.monotonic()
         run = page.evaluate("state.run")
         page.wait_for_function(
-            "run => !head.preview && head.samples > 1 && head.run === state.run && head.run >= run", arg=run, timeout=120_000
+            "run => head.samples > 1 && head.run === state.run && head.run >= run", arg=run, timeout=120_000
         )
         after = time.monotonic() - released
         page.close()

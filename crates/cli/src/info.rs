@@ -105,24 +105,23 @@ fn lines(facts: &Value) -> String {
 /// The content of a scene as JSON.
 fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let parts = scene.parts();
+    // Of the file alone.
     let floor = parts.floor();
-    let own = |(i, m): (usize, &Material)| match floor {
-        Some(floor) if floor.material as usize == i => None,
-        _ => Some(material(m)),
-    };
+    let own = |triangles: usize| triangles - floor.map_or(0, |mesh| mesh.indices.len());
     let materials: Vec<_> = (parts.materials.iter().enumerate())
-        .filter_map(own)
+        .filter(|(i, _)| floor.is_none_or(|mesh| mesh.material as usize != *i))
+        .map(|(_, m)| material(m))
         .collect();
     let count = |f: fn(&PunctualLight) -> bool| parts.lights.iter().filter(|l| f(l)).count();
     let (low, high) = scene.bounds();
     let advice = advise(scene);
     serde_json::json!({
-        "triangles": scene.geometry().len() - floor.map_or(0, |mesh| mesh.indices.len()),
+        "triangles": own(scene.geometry().len()),
         "meshes": parts.meshes.len() - usize::from(parts.has_floor) + scene.geometry().instances(),
         "shared": {
             "meshes": parts.shared.len(),
             "instances": scene.geometry().instances(),
-            "triangles_in_memory": scene.geometry().stored(),
+            "triangles_in_memory": own(scene.geometry().stored()),
         },
         "bounds": [shorts(low.to_array()), shorts(high.to_array())],
         "materials": materials,
