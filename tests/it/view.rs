@@ -153,7 +153,9 @@ impl Running {
         self.until(|head| {
             let same = head["picture"]["run"] == head["state"]["run"];
             let whole = head["picture"]["samples"] == head["state"]["course"]["samples"];
-            head["state"]["phase"] == "done" && same && whole && head["picture"]["samples"] != 0
+            let large = head["picture"]["preview"] == false;
+            let some = head["picture"]["samples"] != 0;
+            head["state"]["phase"] == "done" && same && whole && large && some
         })
     }
 }

@@ -44,7 +44,8 @@ def done(page):
     page.wait_for_function(
         """spp => {
             const of = document.getElementById("stage").dataset;
-            return of.phase === "done" && Number(of.samples) === spp && head.run === state.run;
+            const whole = Number(of.samples) === spp && of.preview === "false";
+            return of.phase === "done" && whole && head.run === state.run;
         }""",
         arg=SPP,
         timeout=60_000,
