@@ -262,11 +262,6 @@ impl FilmBand<'_> {
 /// Largest single-precision number: the bound of what a picture can hold.
 const LARGEST: DVec3 = DVec3::splat(f32::MAX as f64);
 
-/// Half of a size, rounded up.
-pub(super) fn half(size: UVec2) -> UVec2 {
-    (size + UVec2::ONE) / 2
-}
-
 /// Running moments of every pixel in a window of the frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
@@ -323,23 +318,6 @@ impl Film {
             rejected: Rejected::default(),
             sharing: Sharing::None,
         }
-    }
-
-    /// A film of half the width and height, rounded up: a pixel has the samples of up to four. `None` for a part of a frame.
-    pub(crate) fn halved(&self) -> Option<Self> {
-        let mut halved = Self::new(half(self.size));
-        if self.window != Window::full(self.size) {
-            return None;
-        }
-        for (index, moments) in self.pixels.iter().enumerate() {
-            let at = halved.window.index(self.pixel(index) / 2);
-            halved.pixels[at].merge(moments);
-        }
-        Some(Self {
-            rejected: self.rejected.clone(),
-            sharing: self.sharing.clone(),
-            ..halved
-        })
     }
 
     /// Full-frame pixel of `pixels[index]`.

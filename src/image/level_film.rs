@@ -11,7 +11,7 @@
 //! memory from sample [`BATCHES`] · `CARRY` on. The film of level 0 beside it has double precision.
 
 use super::Buffer;
-use super::film::{Window, half};
+use super::film::Window;
 use crate::math::{Rgb, UVec2};
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -381,35 +381,6 @@ impl LevelFilm {
         Some(Cow::Owned(film))
     }
 
-    /// A film of half the width and height, rounded up: a pixel has the samples of up to four. Batches of neighbours go to
-    /// different batches, so that a film of one sample has all of them. `None` for a part of a frame.
-    pub(crate) fn halved(&self) -> Option<Self> {
-        let size = half(self.size);
-        if self.window != Window::full(self.size) {
-            return None;
-        }
-        let mut halved = Self::new(size, Window::full(size), self.levels);
-        let stride = self.levels + 1;
-        for index in 0..self.window.len() {
-            let pixel = self.window.pixel(index);
-            let at = halved.window.index(pixel / 2);
-            let turn = (2 * (pixel.y % 2) + pixel.x % 2) as usize;
-            for batch in 0..BATCHES {
-                let to = (batch + turn) % BATCHES;
-                halved.counts[at][to] += self.counts[index][batch];
-                for level in 0..stride {
-                    let sum = self.sum(index, batch, level);
-                    halved.sums[(at * BATCHES + to) * stride + level] += sum;
-                }
-            }
-            add(&mut halved.features[at], &self.features[index]);
-            if let Some(carried) = &self.carried {
-                add(&mut halved.features[at], &carried.features[index]);
-            }
-        }
-        Some(halved)
-    }
-
     // ── tiles ──
 
     /// A film of `tile` with this film's sums so far. Panics if the tile leaves the window.
@@ -596,41 +567,6 @@ mod tests {
     /// Adds samples to the pixel with this index.
     fn push(film: &mut LevelFilm, index: usize, samples: Range<u32>) {
         samples.for_each(|sample| film.push(index, sample, &PATH));
-    }
-
-    /// The light of a film of half the size is that of the whole, and one sample fills all batches.
-    #[test]
-    fn halved_film_keeps_the_sums() {
-        let mut film = blank();
-        for index in 0..film.window.len() {
-            film.push(
-                index,
-                0,
-                &PathLevels {
-                    shared: Rgb::splat(index as f32),
-                    ..PATH
-                },
-            );
-        }
-        let halved = film.halved().expect("a whole frame");
-        assert_eq!(halved.window, Window::full(UVec2::new(2, 1)));
-        assert_eq!(halved.counts, [[1; BATCHES], [1, 0, 1, 0]]);
-        assert!(blank().complete().is_none() && film.complete().is_none());
-        let means = halved.mean(2);
-        // Pixels 0, 1, 3, 4 and 2, 5.
-        assert_eq!(means.pixels, [Rgb::splat(2.0), Rgb::splat(3.5)]);
-        assert_eq!(halved.batch_mean(0, 2, 2), Rgb::splat(3.0));
-        let near = |a: f32, b: f32| (a - b).abs() < 1e-5;
-        assert!(near(halved.mean(0).pixels[1].x, 0.7) && near(halved.features()[0][3], 7.3));
-        let part = LevelFilm::new(
-            SIZE,
-            Window {
-                w: 2,
-                ..film.window
-            },
-            2,
-        );
-        assert!(part.halved().is_none());
     }
 
     #[test]

@@ -126,19 +126,6 @@ impl Picture {
         window.len() as u64 * (film + Self::AOV_BYTES * recorded.count())
     }
 
-    /// A picture of half the width and height, with the samples of up to four pixels in each, without AOVs; `None` for a part of a
-    /// frame. The choice of levels of such a picture takes a quarter of the time, and can be made from the first sample on.
-    pub fn halved(&self) -> Option<Self> {
-        Some(Self {
-            film: self.film.halved()?,
-            aovs: None,
-            levels: match &self.levels {
-                Some(levels) => Some(levels.halved()?),
-                None => None,
-            },
-        })
-    }
-
     /// A picture of one level without AOVs.
     pub fn new(film: Film) -> Self {
         Self {

@@ -153,9 +153,7 @@ impl Running {
         self.until(|head| {
             let same = head["picture"]["run"] == head["state"]["run"];
             let whole = head["picture"]["samples"] == head["state"]["course"]["samples"];
-            let large = head["picture"]["preview"] == false;
-            let some = head["picture"]["samples"] != 0;
-            head["state"]["phase"] == "done" && same && whole && large && some
+            head["state"]["phase"] == "done" && same && whole && head["picture"]["samples"] != 0
         })
     }
 }

@@ -44,8 +44,7 @@ def done(page):
     page.wait_for_function(
         """spp => {
             const of = document.getElementById("stage").dataset;
-            const whole = Number(of.samples) === spp && of.preview === "false";
-            return of.phase === "done" && whole && head.run === state.run;
+            return of.phase === "done" && Number(of.samples) === spp && head.run === state.run;
         }""",
         arg=SPP,
         timeout=60_000,

@@ -9,7 +9,6 @@ use opsr::image::Buffer;
 use opsr::image::film::Film;
 use opsr::image::metric::flip;
 use opsr::integrator::{Picture, Settings, Stop};
-use opsr::math::UVec2;
 use opsr::pilot::witness::{Missing, missing_light};
 use opsr::render::{Fault, Names, Shown, Spec};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,8 +24,6 @@ pub(super) struct Job {
     pub(super) picture: Picture,
     pub(super) samples: u32,
     pub(super) seconds: f64,
-    /// True for a picture of half the width and height.
-    pub(super) halved: bool,
     /// Set once its render has ended.
     pub(super) over: Arc<AtomicBool>,
 }
@@ -42,8 +39,8 @@ pub(super) struct Slot {
 struct Waiting {
     jobs: [Option<Job>; 2],
     busy: bool,
-    /// Seconds that the last one took of the whole size, and of the half.
-    costs: [f64; 2],
+    /// Seconds that the last one took.
+    cost: f64,
 }
 
 impl Slot {
@@ -56,11 +53,11 @@ impl Slot {
         self.changed.notify_all();
     }
 
-    /// Seconds that the last film took, of the whole size and of the half; `None` while one is worked at.
-    pub(super) fn costs(&self) -> Option<[f64; 2]> {
+    /// Seconds that the last film took; `None` while one is worked at.
+    pub(super) fn cost(&self) -> Option<f64> {
         let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         let busy = waiting.busy || waiting.jobs.iter().any(Option::is_some);
-        (!busy).then_some(waiting.costs)
+        (!busy).then_some(waiting.cost)
     }
 
     fn take(&self) -> Option<Job> {
@@ -77,10 +74,9 @@ impl Slot {
         job
     }
 
-    fn done(&self, halved: bool, cost: f64) {
+    fn done(&self, cost: f64) {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-        waiting.busy = false;
-        waiting.costs[usize::from(halved)] = cost;
+        (waiting.busy, waiting.cost) = (false, cost);
     }
 }
 
@@ -92,11 +88,11 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
         let clock = Instant::now();
         let against = Against::of(hub, &job);
         let Some((spec, against)) = against else {
-            slot.done(job.halved, clock.elapsed().as_secs_f64());
+            slot.done(clock.elapsed().as_secs_f64());
             continue;
         };
         let (side, run) = (job.side, job.run);
-        let due = side == 0 && !job.halved && witness.is_due(&job, &spec);
+        let due = side == 0 && witness.is_due(&job, &spec);
         let missing = (side == 0).then(|| witness.of(run)).flatten();
         let made = pool.install(|| finished(&job, &spec, &against, missing));
         match made {
@@ -124,7 +120,7 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
                 hub.show(side, snapshot);
             }
         }
-        slot.done(job.halved, cost);
+        slot.done(cost);
     }
 }
 
@@ -239,15 +235,6 @@ fn finished(
     against: &Against,
     missing: Option<&Missing>,
 ) -> Result<Snapshot, Fault> {
-    if job.halved
-        && let Some(halved) = job.picture.halved()
-    {
-        let shown = Shown::of(&halved, spec, None)?;
-        return Ok(Snapshot {
-            preview: true,
-            ..snapshot(job, halved.film.size, shown.picture)
-        });
-    }
     let denoiser = spec.denoiser()?;
     let shown = Shown::of(&job.picture, spec, denoiser.as_ref())?;
     let mut maps = Maps::of(&shown, &job.picture.film, missing);
@@ -255,25 +242,16 @@ fn finished(
     let (flip, values) = against.flip(job.side, &picture);
     maps.flip = values;
     Ok(Snapshot {
-        maps,
-        flip,
-        ..snapshot(job, job.picture.film.size, picture)
-    })
-}
-
-/// A picture of a job without its maps.
-fn snapshot(job: &Job, size: UVec2, picture: Buffer) -> Snapshot {
-    Snapshot {
         viewpoint: job.viewpoint.clone(),
         run: job.run,
         preview: false,
         samples: job.samples,
         seconds: job.seconds,
-        size,
+        size: job.picture.film.size,
         picture,
-        maps: Maps::default(),
-        flip: None,
-    }
+        maps,
+        flip,
+    })
 }
 
 impl Maps {
@@ -309,7 +287,7 @@ mod tests {
     use crate::open_scene::OpenScene;
     use opsr::integrator::Amounts;
     use opsr::integrator::{Recorded, View};
-    use opsr::math::luminance;
+    use opsr::math::UVec2;
     use opsr::render::open::Opened;
     use opsr::scene::Scene;
     use opsr_lab::gallery::builtin;
@@ -354,7 +332,6 @@ mod tests {
             picture,
             samples,
             seconds: 1.0,
-            halved: false,
             over: Arc::default(),
         };
         let mut witness = Witness::default();
@@ -378,29 +355,6 @@ mod tests {
         let map = with.missing.expect("a map");
         let lacking = map.iter().filter(|&&share| share > 0.1).count();
         assert!(lacking > 100 && map.iter().all(|&share| (0.0..=1.0).contains(&share)));
-        // A picture of half the size has the light of the whole.
-        let half = Job {
-            halved: true,
-            picture: job.picture.clone(),
-            viewpoint: job.viewpoint.clone(),
-            settings: job.settings.clone(),
-            over: Arc::default(),
-            ..job
-        };
-        let mean = |picture: &Buffer| {
-            let sum: f32 = picture.pixels.iter().map(|p| luminance(*p)).sum();
-            sum / picture.pixels.len() as f32
-        };
-        let [small, large] = [&half, &job].map(|job| {
-            let made = finished(job, &spec, &alone, None).expect("a picture");
-            assert_eq!(made.preview, job.halved);
-            (made.size, mean(&made.picture))
-        });
-        assert_eq!([small.0, large.0], [size / 2, size]);
-        assert!(
-            (small.1 / large.1 - 1.0).abs() < 0.02,
-            "{small:?} {large:?}"
-        );
         // A render that has ended is not looked at.
         job.over.store(true, Ordering::Relaxed);
         assert!(!witness.look(&job));

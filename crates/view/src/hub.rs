@@ -21,7 +21,7 @@ pub(super) struct Snapshot {
     pub(super) viewpoint: Arc<Viewpoint>,
     /// Number of its render.
     pub(super) run: u64,
-    /// True for one of fewer pixels than the frame: by the path tracer, without a sample, or of half the size.
+    /// True for one of fewer pixels than the frame, by the path tracer.
     pub(super) preview: bool,
     pub(super) samples: u32,
     /// Seconds of its render.

@@ -6,7 +6,6 @@ use super::hub::{Course, Hub, Snapshot, State};
 use super::open_scene::{OpenScene, Viewpoint};
 use super::options::{Options, Overlay, leave_out};
 use opsr::image::film::Window;
-use opsr::image::level_film::BATCHES;
 use opsr::integrator::{Amounts, Integrator, Picture, Recorded, Stop, View};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::render::look::{CameraChoice, Look};
@@ -35,12 +34,8 @@ const ENOUGH: u32 = 1 << 16;
 /// Most pixels of a side that become one at first.
 const COARSEST: u32 = 16;
 
-/// Share of one thread's time that finishing films may take of all, and of half the size while a render is young.
+/// Share of one thread's time that finishing films may take of all.
 const FINISHING: f64 = 0.06;
-const GLANCING: f64 = 0.3;
-
-/// Seconds of a render in which it is young, at most.
-const YOUNG: f64 = 3.0;
 
 /// Wait for something that may never come.
 const LONG: Duration = Duration::from_secs(3600);
@@ -71,10 +66,8 @@ struct Run<'a> {
     /// Samples of the next pass.
     length: u32,
     offered: Option<Instant>,
-    /// Samples that were offered last, at the whole size.
+    /// Samples that were offered last.
     shown: u32,
-    /// True until the whole size is offered.
-    young: bool,
     /// Set when this render ends.
     over: Arc<AtomicBool>,
 }
@@ -328,7 +321,6 @@ impl Renderer<'_> {
                 length: 1,
                 offered: None,
                 shown: 0,
-                young: true,
                 over: over.clone(),
             });
         }
@@ -364,31 +356,19 @@ impl Renderer<'_> {
         number: u64,
         last: bool,
     ) {
-        let Some([whole, half]) = self.slot.costs() else {
+        let Some(cost) = self.slot.cost() else {
             return;
         };
         let threads = rayon::current_num_threads() as f64;
-        let due = |cost: f64, share: f64| {
-            let every = (cost / (threads * share)).max(OFTEN);
-            (run.offered).is_none_or(|at| at.elapsed().as_secs_f64() >= every)
-        };
-        // A young render is shown at half size: without a sample in each batch there is no choice of levels at the whole one.
-        let soon = run.seconds < (4.0 * whole).min(YOUNG) || run.samples < BATCHES as u32;
-        let ends = last || run.samples == run.request.spec.spp.unwrap_or(ENOUGH);
-        let alone = side == 0 && self.hub.lock().options.other.is_none();
-        let halved = run.young && soon && !ends && alone && run.picture.levels.is_some();
-        let due = match halved {
-            true => due(half, GLANCING),
-            false => run.young || due(whole, FINISHING),
-        };
+        let every = (cost / (threads * FINISHING)).max(OFTEN);
+        let due = run
+            .offered
+            .is_none_or(|at| at.elapsed().as_secs_f64() >= every);
         let wanted = !self.hub.disturbed.load(Ordering::Relaxed);
         if run.shown == run.samples || !(due || last) || !wanted {
             return;
         }
-        run.young &= halved;
-        run.offered = Some(Instant::now());
-        // The whole size is not shown yet.
-        run.shown = if halved { 0 } else { run.samples };
+        (run.offered, run.shown) = (Some(Instant::now()), run.samples);
         self.slot.offer(Job {
             side,
             run: number,
@@ -397,7 +377,6 @@ impl Renderer<'_> {
             picture: run.picture.clone(),
             samples: run.samples,
             seconds: run.seconds,
-            halved,
             over: run.over.clone(),
         });
     }

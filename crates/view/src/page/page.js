@@ -117,7 +117,7 @@ function draw(picture, images, bytes, at) {
   stage.dataset.preview = picture.preview;
   legend(picture.legend);
   place();
-  if (playing && head.run === state.run && head.samples > 0) advance();
+  if (playing && head.run === state.run && !head.preview) advance();
 }
 
 // ── time ──
