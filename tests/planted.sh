@@ -186,7 +186,7 @@ plant "photons of a shared bucket count twice" src/integrator/bidirectional/phot
     's/if buckets\[\.\.i\]\.contains\(&buckets\[i\]\)/if buckets[i] == u32::MAX/' \
     lib::integrator::bidirectional::photons::tests::cells_that_share_a_bucket_count_no_photon_twice
 plant "weights of connections ignore merges" src/integrator/bidirectional/weights.rs \
-    's/merging\.m \+ cut \+/cut +/' bidirectional::weights::mis_weights_equal_enumeration_in_double_precision
+    's/if self\.merges \{ merging\.m \}/if false { merging.m }/' bidirectional::weights::mis_weights_equal_enumeration_in_double_precision
 plant "every strategy roughens a part of its own" src/integrator/bidirectional/split.rs \
     's/reach\.join\(&there\.reach\)/there.reach.best/' lib::integrator::bidirectional::audit::cases::audit_of_the_split
 plant "a first sample that is cut at once has no pixels" src/integrator/pieces.rs \
@@ -266,6 +266,18 @@ plant "view: the camera turns at the depth of the floor" crates/view/src/work.rs
     's/\(!is_floor\)\.then/(true || is_floor).then/' view::view_knows_the_objects_of_a_studio
 plant "view: the floor is an object" crates/view/src/open_scene.rs \
     's/\(!is_floor\)\.then_some/(true || is_floor).then_some/' view::view_knows_the_objects_of_a_studio
+plant "merges: lights allow them" src/integrator/bidirectional/vertex.rs \
+    's/light_allows\.then_some\(true\)/(true || light_allows).then_some(true)/' \
+    lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_of_materials
+plant "merges: a connection asks one end alone" src/integrator/bidirectional/connect.rs \
+    's/light\.sharp \|\| near/true || near/' \
+    lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_of_materials
+plant "merges: emission counts those beside the light" src/integrator/bidirectional/connect.rs \
+    's/hit\(&walk\.arrived/hit(&vertex.partial/' \
+    lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_of_materials
+plant "merges: all photons merge" src/integrator/bidirectional/photons.rs \
+    's/filter\(\|\(_, photon\)\| photon\.merges\(\)\)/filter(|(_, photon)| true || photon.merges())/' \
+    bidirectional::agreement::agreement_of_vcm_with_path
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

@@ -141,7 +141,7 @@ estimators! {
     #[serde(alias = "ups")]
     Vcm = Row {
         estimator: Estimator::Vcm(Radius::DEFAULT),
-        cost: [2.5, 1.5],
+        cost: [2.1, 1.3],
         ..Row::ALONE
     };
     /// Photon density with a shrinking radius.

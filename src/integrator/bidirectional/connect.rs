@@ -18,13 +18,14 @@ fn per_area(pdf_w: f32, cos: f32, distance2: f32) -> f32 {
 }
 
 impl Vertex {
-    /// This vertex as an end of a closing edge.
+    /// This vertex as an end of a closing edge; `allows` if the other end allows merges here.
     #[inline]
-    fn end(&self, pdf_area: f32, pdf_reverse: f32) -> End<f32> {
+    fn end(&self, pdf_area: f32, pdf_reverse: f32, allows: bool) -> End<f32> {
         End {
             partial: self.partial,
             pdf_area,
             pdf_reverse,
+            merges: self.merges && allows,
         }
     }
 }
@@ -50,7 +51,7 @@ impl Iteration<'_> {
             }
             let pdf = lights.pdf_emission(self.aim, &vertex.surface, vertex.back);
             let sampled = lights.pdf_a_emitter(walk.base.from, &vertex.surface);
-            weights::hit(&vertex.partial, sampled, pdf.position * pdf.direction)
+            weights::hit(&walk.arrived, sampled, pdf.position * pdf.direction)
         });
         vertex.throughput * radiance * weight
     }
@@ -101,7 +102,7 @@ impl Iteration<'_> {
             let from = vertex.surface.position;
             let emitted = (scene.lights()).emission_over_sampling(self.aim, &light, from);
             let pdf_area = per_area(emitted, cos, distance2);
-            let end = vertex.end(pdf_area, vertex.pdf_back(light.wi));
+            let end = vertex.end(pdf_area, vertex.pdf_back(light.wi), false);
             weights::light_sample(pdf_hit, &end, &self.merging)
         });
         let part = vertex.easy_part(light.wi, h);
@@ -154,12 +155,18 @@ impl Iteration<'_> {
             return Rgb::ZERO;
         };
         let (cos_here, cos_there) = (vertex.cos(dir), light.cos(dir));
+        let near = distance < self.near;
         let weight = self.strategies.weight(light.n + 1, vertex.n + 1, || {
             weights::connection(
-                &light.end(per_area(here.pdf_w, cos_there, distance2), there.pdf_w),
+                &light.end(
+                    per_area(here.pdf_w, cos_there, distance2),
+                    there.pdf_w,
+                    vertex.sharp || near,
+                ),
                 &vertex.end(
                     per_area(light.pdf_on(-dir), cos_here, distance2),
                     vertex.pdf_back(dir),
+                    light.sharp || near,
                 ),
                 &self.merging,
             )
@@ -209,7 +216,11 @@ impl Iteration<'_> {
         let paths = self.paths as f32;
         let pdf_area = sight.pdf_area(vertex.cos(sight.wo));
         let weight = self.strategies.weight(vertex.n + 1, 1, || {
-            weights::camera_sample(&vertex.end(pdf_area, eval.pdf_w), paths, &self.merging)
+            weights::camera_sample(
+                &vertex.end(pdf_area, eval.pdf_w, true),
+                paths,
+                &self.merging,
+            )
         });
         let mut ray = vertex.surface.spawn(sight.wo);
         ray.t_max = sight.distance;

@@ -1,6 +1,7 @@
 //! Scene, settings and random numbers of one iteration.
 
 use super::strategies::Strategies;
+use super::vertex::MergesBetween;
 use super::weights::Merging;
 use super::{Bidirectional, MAX_LIGHT_PATHS};
 use crate::integrator::View;
@@ -10,6 +11,9 @@ use crate::regularise::Accumulated;
 use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Seed};
 use crate::scene::Aim;
 use std::f32::consts::PI;
+
+/// Distance within which surfaces allow merges at their neighbours, over the radius of merges. Measured in docs/lab/photons.md.
+pub(super) const NEAR: f32 = 64.0;
 
 /// Scene, settings and radius of one iteration, shared by the threads.
 #[derive(Clone, Copy)]
@@ -25,6 +29,8 @@ pub(super) struct Iteration<'a> {
     pub(super) paths: u32,
     /// Radius of merges; 0 without.
     pub(super) radius: f32,
+    /// Distance within which surfaces allow merges at their neighbours.
+    pub(super) near: f32,
     /// Merging weights of camera walks, and of light walks below.
     pub(super) merging: Merging<f32>,
     pub(super) light_merging: Merging<f32>,
@@ -54,6 +60,12 @@ impl Bidirectional {
             seed: Seed(self.seed).derive(domain, 0),
         };
         let radius = (self.merging.zip(first)).map_or(0.0, |(r, first)| r.at(first, sample));
+        let near = match self.strategies {
+            // Without connections.
+            Strategies::Density => f32::INFINITY,
+            _ if self.light_sampling_only => f32::INFINITY,
+            _ => NEAR * radius,
+        };
         let merging = match self.strategies {
             Strategies::All | Strategies::One(_) if radius > 0.0 => {
                 Merging::new(PI * radius * radius * paths as f32)
@@ -78,6 +90,7 @@ impl Bidirectional {
             sample,
             paths,
             radius,
+            near,
             merging,
             light_merging,
             mollifier,
@@ -91,6 +104,11 @@ impl Bidirectional {
 }
 
 impl Iteration<'_> {
+    /// Where light walks merge.
+    pub(super) fn merges_from_light(&self) -> MergesBetween {
+        MergesBetween::from_light(self.near, self.strategies == Strategies::Density)
+    }
+
     /// Random numbers of a light path.
     pub(super) fn light_stream(&self, path: u32) -> IndependentStream {
         self.light.stream(UVec2::new(path, 0), self.sample)

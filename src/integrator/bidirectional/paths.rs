@@ -5,7 +5,7 @@ use super::photons::PhotonMap;
 use super::psr::{Chain, Ends};
 use super::split::Trail;
 use super::strategies::{Strategies, Strategy, Total};
-use super::vertex::Vertex;
+use super::vertex::{MergesBetween, Vertex};
 use super::walk::{Onward, WeightedWalk};
 use super::weights::Partial;
 use crate::image::splat::Splat;
@@ -82,7 +82,8 @@ impl Iteration<'_> {
         let Some(start) = scene.sample_emission(self.aim, pick, u) else {
             return;
         };
-        let mut walk = WeightedWalk::light(scene, &start, self.light_merging);
+        let mut walk =
+            WeightedWalk::light(scene, &start, self.light_merging, self.merges_from_light());
         let mut chain = Chain::default();
         let mut trail = Trail::START;
         for n in 1..=self.settings.max_vertices {
@@ -118,7 +119,8 @@ impl Iteration<'_> {
             );
             let merges = self.settings.merging.is_some();
             // The camera walk that merges draws one of two BSDFs on its own: that of the light walk does not matter.
-            let merged = merges && (!vertex.is_delta() || vertex.chooses_bsdf(scene));
+            let merged =
+                merges && vertex.merges && (!vertex.is_delta() || vertex.chooses_bsdf(scene));
             let connected = more && strategies.connects() && !vertex.is_delta();
             if merged || connected {
                 keep(vertex, trail);
@@ -151,6 +153,9 @@ impl Iteration<'_> {
             travelled: 0.0,
             length: 0.0,
             start: partial,
+            arrived: partial,
+            merges: MergesBetween::from_camera(self.near),
+            pending: 0.0,
         }
     }
 
@@ -212,7 +217,9 @@ impl Iteration<'_> {
                         total.add(edge(other.n + 1), value);
                     }
                 }
-                if let Some(map) = map {
+                if let Some(map) = map
+                    && vertex.merges
+                {
                     let value = self.merges(&vertex, &prefix, map, &mut probes);
                     total.add(Strategy::Merges, value);
                 }

@@ -5,7 +5,7 @@
 //! their light paths, so that sums are bit-identical at any number of threads.
 
 use super::split::Trail;
-use super::vertex::Vertex;
+use super::vertex::{MIN_MERGED, Vertex};
 use super::weights::Partial;
 use crate::integrator::walk::Surroundings;
 use crate::math::{Rgb, Vec3};
@@ -21,7 +21,8 @@ pub(super) struct Photon {
     /// World direction towards the previous vertex.
     pub(super) back: Vec3,
     pub(super) partial: Partial<f32>,
-    /// Number of the vertex in its walk, twice; one more if the walk has come straight from the light.
+    /// Number of the vertex in its walk, four times; two more if the neighbour behind allows merges, and one more if the walk has
+    /// come straight from the light.
     number: u32,
     /// Index of the triangle, see [`TriangleId::index`].
     index: u32,
@@ -46,7 +47,7 @@ impl Photon {
             flux: vertex.throughput,
             back: vertex.back,
             partial: vertex.partial,
-            number: 2 * vertex.n + u32::from(vertex.first),
+            number: 4 * vertex.n + 2 * u32::from(vertex.merges) + u32::from(vertex.first),
             index: vertex.hit.triangle.index(),
             at: [vertex.hit.u, vertex.hit.v],
             choice: vertex.choice,
@@ -56,13 +57,18 @@ impl Photon {
     /// Number of the vertex in its walk, from 1.
     #[inline]
     pub(super) fn n(&self) -> u32 {
-        self.number / 2
+        self.number / 4
     }
 
     /// True if the walk has come straight from the light.
     #[inline]
     pub(super) fn first(&self) -> bool {
         self.number % 2 == 1
+    }
+
+    /// True if the neighbour behind allows merges.
+    fn merges(&self) -> bool {
+        self.number & 2 == 2
     }
 
     /// The vertex again, in the instance of this number and with this index of refraction, without what is around it.
@@ -90,6 +96,8 @@ impl Photon {
             local: frame.to_local(self.back),
             throughput: self.flux,
             partial: self.partial,
+            sharp: bsdf.alpha() < MIN_MERGED,
+            merges: self.merges(),
             around: Surroundings::default(),
         }
     }
@@ -149,12 +157,15 @@ impl LightVertices {
 
     /// Bytes that a path takes on average, the grid over them included.
     pub(super) fn bytes_per_path(&self) -> usize {
-        // Two of all, by place and by path; an index, a key, and up to two buckets of four bytes.
-        let vertex = 2 * (size_of::<Photon>() + size_of::<Place>()) + 8 + 8;
+        let vertex = size_of::<Photon>() + size_of::<Place>();
+        let merging = self.photons.iter().filter(|photon| photon.merges());
+        // Once more by place; an index, a key, and up to two buckets of four bytes.
+        let by_place = merging.count() * (vertex + 8 + 8);
         let trails = 2 * self.trails.len() * size_of::<Trail>();
         let instances = size_of_val(self.instances.as_slice());
         let etas = size_of_val(self.etas.as_slice());
-        (self.photons.len() * vertex + trails + instances + etas) / self.ends.len().max(1) + 4
+        let by_path = self.photons.len() * vertex;
+        (by_path + by_place + trails + instances + etas) / self.ends.len().max(1) + 4
     }
 }
 
@@ -199,10 +210,13 @@ fn bucket([x, y, z]: [i64; 3], mask: u32) -> u32 {
 }
 
 impl PhotonMap {
-    /// Sorts photons into at least as many buckets. The photons of a bucket lie side by side: looking for them is a matter
+    /// Sorts photons that can merge into at least as many buckets. The photons of a bucket lie side by side: looking for them is a matter
     /// of waiting for memory.
     pub(super) fn new(vertices: LightVertices, low: Vec3, radius: f32) -> Self {
-        let size = vertices.photons.len().next_power_of_two();
+        let merging = (0..).zip(&vertices.photons);
+        let merging = merging.filter(|(_, photon)| photon.merges());
+        let merging: Vec<u32> = merging.map(|(i, _)| i).collect();
+        let size = merging.len().next_power_of_two();
         let mask = size as u32 - 1;
         let mut map = Self {
             radius,
@@ -218,8 +232,8 @@ impl PhotonMap {
             let place = map.place(p.position).floor();
             place.to_array().map(|x| x as i64)
         };
-        let keys: Vec<u32> = (vertices.places.par_iter())
-            .map(|p| bucket(cell(p), mask))
+        let keys: Vec<u32> = (merging.par_iter())
+            .map(|&i| bucket(cell(&vertices.places[i as usize]), mask))
             .collect();
         for &key in &keys {
             map.buckets[key as usize + 1] += 1;
@@ -229,9 +243,9 @@ impl PhotonMap {
         }
         // Counting sort: each bucket's start moves to its end, and one place down again.
         let mut sorted = vec![0u32; keys.len()];
-        for (i, &key) in keys.iter().enumerate() {
+        for (&i, &key) in merging.iter().zip(&keys) {
             let at = &mut map.buckets[key as usize];
-            sorted[*at as usize] = i as u32;
+            sorted[*at as usize] = i;
             *at += 1;
         }
         map.buckets.rotate_right(1);
@@ -447,7 +461,7 @@ mod tests {
                 flux: Rgb::ONE,
                 back: Vec3::Y,
                 partial: Partial::default(),
-                number: 2,
+                number: 6,
                 index: 0,
                 at,
                 choice: 0.5,

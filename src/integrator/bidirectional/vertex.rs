@@ -31,12 +31,67 @@ pub(super) struct Vertex {
     /// Throughput before the vertex; in a light walk over |ng · back|: flux per area and cosine.
     pub(super) throughput: Rgb,
     pub(super) partial: Partial<f32>,
+    /// True for a lobe so sharp that edges from it are hard to connect.
+    pub(super) sharp: bool,
+    /// True if the neighbour behind allows merges here.
+    pub(super) merges: bool,
     /// Media around the previous edge.
     pub(super) around: Surroundings,
 }
 
-/// Roughness from which walks of photon density estimation merge at a glossy lobe instead of following it.
-const MIN_MERGED: f32 = 0.25;
+/// Roughness from which walks of photon density estimation merge at a glossy lobe instead of following it, and from which a
+/// surface forbids merges at its neighbours.
+pub(super) const MIN_MERGED: f32 = 0.25;
+
+/// Where walks merge: at vertices between two neighbours that allow it.
+///
+/// An edge between two rough surfaces is sampled well by a connection, and one to a light by light sampling; merges at their ends
+/// would cost most of the time, and share their errors with neighbouring pixels. So a rough surface and a light forbid
+/// merges at their neighbours. A connection of a short edge has a high variance: surfaces that are near allow them. The
+/// camera does, too: light paths that are connected to it are fewer than photons. The rule depends on the path alone, so that
+/// all strategies have the same weights for it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MergesBetween {
+    /// Distance within which surfaces allow merges.
+    near: f32,
+    /// True if the vertex behind allows them at any distance, false if at none (a light).
+    behind: Option<bool>,
+}
+
+impl MergesBetween {
+    /// For a walk from the camera.
+    pub(super) fn from_camera(near: f32) -> Self {
+        Self {
+            near,
+            behind: Some(true),
+        }
+    }
+
+    /// For a walk from a light, which forbids them, or allows them in photon density estimation.
+    pub(super) fn from_light(near: f32, light_allows: bool) -> Self {
+        Self {
+            near,
+            behind: light_allows.then_some(true),
+        }
+    }
+
+    /// The walk leaves a surface.
+    pub(super) fn leave(&mut self, sharp: bool) {
+        self.behind = Some(sharp);
+    }
+
+    /// True if the vertex behind allows merges at the next one.
+    pub(super) fn at(&self, length: f32) -> bool {
+        self.behind
+            .is_some_and(|sharp| self.allowed_by(sharp, length))
+    }
+
+    /// True if a surface at this distance allows merges.
+    #[inline]
+    pub(super) fn allowed_by(&self, sharp: bool, distance: f32) -> bool {
+        sharp || distance < self.near
+    }
+}
 
 impl Vertex {
     /// True if photon density estimation merges at the glossy lobe too, and not at the base alone.

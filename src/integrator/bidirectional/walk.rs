@@ -1,6 +1,6 @@
 //! A walk from the camera or from a light with the running numbers of its weights.
 
-use super::vertex::Vertex;
+use super::vertex::{MIN_MERGED, MergesBetween, Vertex};
 use super::weights::{Merging, Partial, Step, clamped};
 use crate::bsdf::{Bsdf, BsdfSample, Lobe};
 use crate::integrator::walk::shading_point::Continuation;
@@ -56,13 +56,23 @@ pub(super) struct WeightedWalk<'a> {
     /// Length of the edge up to the last pane that it passed, and up to the last surface.
     pub(super) travelled: f32,
     pub(super) length: f32,
-    /// Running numbers at the start of the edge.
+    /// Running numbers at the start of the edge, and at its end before merges at its start are added.
     pub(super) start: Partial<f32>,
+    pub(super) arrived: Partial<f32>,
+    /// Where this walk merges.
+    pub(super) merges: MergesBetween,
+    /// c_out / p_f of the vertex at the start of the edge if it merges unless the next neighbour forbids it, else 0.
+    pub(super) pending: f32,
 }
 
 impl<'a> WeightedWalk<'a> {
     /// A walk along a ray that a light sends out.
-    pub(super) fn light(scene: &'a Scene, start: &EmissionSample, merging: Merging<f32>) -> Self {
+    pub(super) fn light(
+        scene: &'a Scene,
+        start: &EmissionSample,
+        merging: Merging<f32>,
+        merges: MergesBetween,
+    ) -> Self {
         let EmissionDensity {
             position,
             direction,
@@ -79,6 +89,9 @@ impl<'a> WeightedWalk<'a> {
             travelled: 0.0,
             length: 0.0,
             start: partial,
+            arrived: partial,
+            merges,
+            pending: 0.0,
         }
     }
 
@@ -122,6 +135,11 @@ impl<'a> WeightedWalk<'a> {
             Origin::Camera => self.base.throughput,
             Origin::Light => self.base.throughput / cos,
         };
+        self.arrived = self.partial;
+        let sharp = bsdf.alpha() < MIN_MERGED;
+        if self.merges.allowed_by(sharp, self.length) {
+            self.partial.add_merges(self.pending / cos, &self.merging);
+        }
         let Interaction {
             frame, wo, alpha, ..
         } = self.base.interaction(&surface, &bsdf);
@@ -138,6 +156,8 @@ impl<'a> WeightedWalk<'a> {
             local: wo,
             throughput,
             partial: self.partial,
+            sharp,
+            merges: self.merges.at(self.length),
             around: *self.base.around(),
         }
     }
@@ -157,6 +177,7 @@ impl<'a> WeightedWalk<'a> {
             self.travelled = self.length;
             return (self.base.throughput != Rgb::ZERO).then_some(Onward::Straight);
         }
+        let mut pending = 0.0;
         if sample.delta {
             self.dirac(vertex, &sample, out)?;
         } else {
@@ -180,8 +201,12 @@ impl<'a> WeightedWalk<'a> {
                 pdf_reverse,
             };
             self.partial.scatter(&step, &self.merging);
+            if vertex.merges {
+                pending = cos_out / pdf;
+            }
         }
         self.leave(vertex, sample.lobe, out);
+        self.pending = pending;
         let onward = if sample.delta {
             Onward::Dirac
         } else {
@@ -231,6 +256,8 @@ impl<'a> WeightedWalk<'a> {
         self.first = false;
         self.travelled = 0.0;
         self.light = None;
+        self.pending = 0.0;
+        self.merges.leave(vertex.sharp);
         self.base.leave(&vertex.interaction(), lobe, out);
     }
 

@@ -4,7 +4,9 @@
 //! A path has vertices x₀ on the camera, x₁ … x_k on surfaces, x_k on a light. Strategy (s, t) takes s of them from the
 //! light walk and t from the camera walk: s = 0 is a light met by the camera walk, s = 1 light sampling, t = 1 a light
 //! walk connected to the camera. Where walks merge, a path is also found when both come within r of x_j: such a merge
-//! has M = π r² N times the density of both walks at x_j `[UPS (6)]`, with N light paths; M = 0 without merging.
+//! has M = π r² N times the density of both walks at x_j `[UPS (6)]`, with N light paths; M = 0 without merging. Walks
+//! merge at some vertices alone (`vertex.rs`): m_j is 1 there, and 0 elsewhere. It depends on both neighbours of x_j, so
+//! that a walk knows it at the next vertex.
 //!
 //! The weight of the strategy that closes the path is 1/(1 + w_l + w_c): w_l sums the densities of strategies with fewer
 //! light vertices over this one's, w_c of those with more. Each walk brings its sum in a [`Partial`], which it updates at
@@ -14,8 +16,9 @@
 //! arrive          vcm *= d²  (not on the first edge from a light at infinity or of a parallel camera)
 //!                 vcm, vc, vm /= c_in
 //!                 vcm *= p_s / p_e  (on the first edge from a light)
-//! smooth scatter  vc  <- (c_out / p_f) (p_r vc + vcm + M)
-//!                 vm  <- (c_out / p_f) (p_r vm + vcm / M + 1)      vcm <- 1 / p_f
+//! smooth scatter  vc  <- (c_out / p_f) (p_r vc + vcm)
+//!                 vm  <- (c_out / p_f) (p_r vm + vcm / M)          vcm <- 1 / p_f
+//! after arrival   vc  += m c_out / (p_f c_in) M,  vm += m c_out / (p_f c_in), with m, c_out and p_f of the vertex before
 //! Dirac scatter   vc, vm *= c_in (n_in / n_out)²                   vcm <- 0
 //! ```
 //!
@@ -120,6 +123,8 @@ pub struct End<T> {
     /// Density per steradian with which the other walk, having come along the edge, draws the direction to this walk's
     /// previous vertex.
     pub pdf_reverse: T,
+    /// True if walks merge at this end on this path.
+    pub merges: bool,
 }
 
 /// Clamps an absolute cosine to [`MIN_COS`].
@@ -190,9 +195,16 @@ impl<T: Real> Partial<T> {
         let Self { vcm, vc, vm } = *self;
         let factor = step.cos_out / step.pdf;
         let vcm = merging.cut * vcm;
-        self.vc = factor * (step.pdf_reverse * vc + vcm + merging.m);
-        self.vm = factor * (step.pdf_reverse * vm + vcm * merging.inverse + T::from(1.0));
+        self.vc = factor * (step.pdf_reverse * vc + vcm);
+        self.vm = factor * (step.pdf_reverse * vm + vcm * merging.inverse);
         self.vcm = merging.keep / step.pdf;
+    }
+
+    /// Adds merges at the vertex before, after the walk has arrived at the next one: `factor` is c_out / (p_f c_in).
+    #[inline]
+    pub fn add_merges(&mut self, factor: T, merging: &Merging<T>) {
+        self.vc = self.vc + factor * merging.m;
+        self.vm = self.vm + factor;
     }
 
     /// The walk goes on along a Dirac lobe; `index2` is (n_in / n_out)², 1 for a reflection.
@@ -209,7 +221,8 @@ impl<T: Real> End<T> {
     #[inline]
     fn others(&self, merging: &Merging<T>) -> T {
         let cut = merging.cut * self.partial.vcm;
-        self.pdf_area * (merging.m + cut + self.pdf_reverse * self.partial.vc)
+        let merges = if self.merges { merging.m } else { T::from(0.0) };
+        self.pdf_area * (merges + cut + self.pdf_reverse * self.partial.vc)
     }
 }
 

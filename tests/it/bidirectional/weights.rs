@@ -39,6 +39,8 @@ struct Path {
     pdf_c: Vec<f64>,
     pdf_l: Vec<f64>,
     dirac: Vec<bool>,
+    /// True if a vertex allows merges at its neighbours; a light does not.
+    allows: Vec<bool>,
     /// (n towards the camera / n towards the light)².
     index2: Vec<f64>,
 }
@@ -65,6 +67,7 @@ impl Path {
         let sampling = many(0.01, 100.0)[0];
         let mut next = || f64::from(u.next_1d());
         let dirac: Vec<bool> = (0..=k).map(|i| i > 0 && i < k && next() < 0.3).collect();
+        let allows: Vec<bool> = (0..=k).map(|i| i < k && next() < 0.7).collect();
         let mut index2 = vec![1.0; k + 1];
         for i in (0..=k).filter(|&i| dirac[i]) {
             index2[i] = [1.0, 2.25, 1.0 / 2.25][pick(next(), 3)];
@@ -89,6 +92,7 @@ impl Path {
             pdf_c,
             pdf_l,
             dirac,
+            allows,
             index2,
         }
     }
@@ -135,7 +139,8 @@ impl Path {
 
     /// True if both walks can merge at x_j.
     fn merges(&self, j: usize) -> bool {
-        self.merging > 0.0 && j > 0 && j < self.k && !self.dirac[j]
+        let inner = j > 0 && j < self.k && !self.dirac[j];
+        self.merging > 0.0 && inner && self.allows[j - 1] && self.allows[j + 1]
     }
 
     /// Balance heuristic by definition: strategies t = 0 … k + 1, then merges at x_0 … x_k.
@@ -184,9 +189,14 @@ impl Path {
         // Numbers of both walks on arrival at x_i, and of the camera walk before it.
         let mut walk = Partial::camera(of(self.camera_pdf), n);
         let (mut camera, mut before) = (vec![Partial::default_of(&of)], vec![walk]);
+        // c_out / p_f of the vertex before if the one before that allows its merges.
+        let mut pending = None;
         for i in 1..=k {
             before.push(walk);
             walk.arrive(squared(i, i == 1 && self.parallel), of(self.cos_c[i]));
+            if let Some(pending) = pending.take().filter(|_| self.allows[i]) {
+                walk.add_merges(of(pending / self.cos_c[i]), &merging);
+            }
             camera.push(walk);
             if self.dirac[i] {
                 walk.dirac(of(self.cos_c[i]), of(self.index2[i]));
@@ -197,6 +207,7 @@ impl Path {
                     pdf_reverse: of(self.pdf_l[i]),
                 };
                 walk.scatter(&step, &merging);
+                pending = self.allows[i - 1].then_some(self.cos_l[i] / self.pdf_c[i]);
             }
         }
         let cos = match self.light {
@@ -212,11 +223,15 @@ impl Path {
             &light_merging,
         );
         let mut light = vec![Partial::default_of(&of); k + 1];
+        let mut pending = None;
         for i in (1..k).rev() {
             let free = i + 1 == k && self.infinite();
             walk.arrive(squared(i + 1, free), of(self.cos_l[i]));
             if i + 1 == k {
                 walk.sampled(of(self.sampling));
+            }
+            if let Some(pending) = pending.take().filter(|_| self.allows[i]) {
+                walk.add_merges(of(pending / self.cos_l[i]), &light_merging);
             }
             light[i] = walk;
             if self.dirac[i] {
@@ -228,12 +243,14 @@ impl Path {
                     pdf_reverse: of(self.pdf_c[i]),
                 };
                 walk.scatter(&step, &light_merging);
+                pending = self.allows[i + 1].then_some(self.cos_c[i] / self.pdf_l[i]);
             }
         }
-        let end = |partial: Partial<T>, pdf_area: f64, pdf_reverse: f64| End {
+        let end = |partial: Partial<T>, pdf_area: f64, pdf_reverse: f64, j: usize| End {
             partial,
             pdf_area: of(pdf_area),
             pdf_reverse: of(pdf_reverse),
+            merges: self.merges(j),
         };
         let weight = |t: usize| {
             if t == 0 || !self.possible(t) {
@@ -261,11 +278,11 @@ impl Path {
                 };
                 let pdf_light = pdf_light * self.sampling;
                 let pdf_area = self.light_density(k - 1) / self.sampling;
-                let camera = end(camera[k - 1], pdf_area, self.pdf_l[k - 1]);
+                let camera = end(camera[k - 1], pdf_area, self.pdf_l[k - 1], k - 1);
                 light_sample(of(self.pdf_c[k - 1] / pdf_light), &camera, &merging)
             } else if t == 1 {
                 {
-                    let light = end(light[1], self.camera_density(1), self.pdf_c[1]);
+                    let light = end(light[1], self.camera_density(1), self.pdf_c[1], 1);
                     camera_sample(&light, n, &merging)
                 }
             } else {
@@ -274,11 +291,13 @@ impl Path {
                         light[t],
                         self.pdf_c[t - 1] * self.cos_c[t] / d2,
                         self.pdf_c[t],
+                        t,
                     ),
                     &end(
                         camera[t - 1],
                         self.pdf_l[t] * self.cos_l[t - 1] / d2,
                         self.pdf_l[t - 1],
+                        t - 1,
                     ),
                     &merging,
                 )

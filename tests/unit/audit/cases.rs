@@ -34,11 +34,12 @@ fn assert_audited_with(rule: Rule, name: &str, parts: SceneParts, least: usize) 
         max_vertices: 7,
         ..Settings::default()
     };
-    let radius = Radius {
-        first: Some(0.05),
+    // Within the larger one all surfaces are near, beyond the smaller one most are not.
+    let radius = |first| Radius {
+        first: Some(first),
         alpha: 1.0,
     };
-    for merging in [None, Some(radius)] {
+    for merging in [None, Some(radius(0.05)), Some(radius(0.005))] {
         let audit = Bidirectional {
             merging,
             ..settings.bidirectional(Strategies::All)
