@@ -62,7 +62,7 @@ const SAMPLES: &[Sample] = &[
     ("radius_alpha", "0.9", &[("integrator", "vcm")]),
     ("connections", "nee", &[("integrator", "vcm")]),
     ("mlt_pass", "2", &[("integrator", "mlt")]),
-    ("strategy", "1,2", &[("integrator", "bdpt")]),
+    ("strategy", "2,2", &[("integrator", "bdpt")]),
     ("sampler", "independent", &[]),
     ("aov", "albedo,alpha", &[]),
     ("denoise", "true", &[]),
