@@ -201,7 +201,7 @@ plant "film: no light counts as wrong" crates/frames/src/average.rs \
 plant "film: noise counts as wrong light" crates/frames/src/average.rs \
     's/difference - wide\.variance_of_difference\(narrow\)/difference/' frames::tests::noise_of_a_still_light_is_divided
 plant "film: regions are not compared" crates/frames/src/average.rs \
-    's/REGION_WEIGHT \* square\(i\)/0.0 * square(i)/' frames::tests::dimming_lamp_keeps_its_energy
+    's/REGION_WEIGHT \* square\(pair\)/0.0 * square(pair)/' frames::tests::dimming_lamp_keeps_its_energy
 plant "film: hidden places count" crates/frames/src/reproject.rs \
     's/\(-unlike\)\.exp\(\)/1.0/' frames::tests::surfaces_are_found_between_pixels
 plant "film: moving surfaces stay where they are" crates/frames/src/reproject.rs \

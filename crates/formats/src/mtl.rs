@@ -167,8 +167,8 @@ impl Context {
         Ok(Some((self.texture(&name, how, &entry.place)?, map.height)))
     }
 
-    /// The surface that a material describes.
-    pub(super) fn of_entry(&mut self, name: &str, entry: &Entry) -> Result<Look> {
+    /// Warns of the lines that are not read.
+    fn name_unread(&mut self, entry: &Entry) {
         // Exporters write what a material has not as 0.
         let is_off = |word: &str| {
             let mut numbers = entry.lines[word].split_whitespace();
@@ -183,8 +183,11 @@ impl Context {
         for word in unread {
             self.approximate(&entry.place, &format!("`{word}` is not read"));
         }
-        let model = entry.number("illum")?.unwrap_or(2.0) as i32;
-        let (kd, ks) = (entry.color("Kd")?, entry.color("Ks")?.unwrap_or(Rgb::ZERO));
+    }
+
+    /// The diffuse colour, alone and with its texture.
+    fn colour(&mut self, entry: &Entry) -> Result<(Rgb, Paint)> {
+        let kd = entry.color("Kd")?;
         let colour_map = self.map(entry, &["map_Kd"], true)?;
         // Exporters write black beside a texture.
         let kd = match (kd, &colour_map) {
@@ -200,6 +203,15 @@ impl Context {
             },
             None => Paint::plain(kd),
         };
+        Ok((kd, base))
+    }
+
+    /// The surface that a material describes.
+    pub(super) fn of_entry(&mut self, name: &str, entry: &Entry) -> Result<Look> {
+        self.name_unread(entry);
+        let model = entry.number("illum")?.unwrap_or(2.0) as i32;
+        let (kd, base) = self.colour(entry)?;
+        let ks = entry.color("Ks")?.unwrap_or(Rgb::ZERO);
         let index = entry
             .number("Ni")?
             .filter(|n| *n > 1.0)
@@ -260,19 +272,7 @@ impl Context {
         material.name = name.to_owned();
         self.maps(entry, &mut material)?;
         if !refracts {
-            let holes = self.map(entry, &["map_d"], false)?;
-            let holes = match holes {
-                Some((map, _)) => Paint {
-                    factor: map.factor * opacity,
-                    ..map
-                },
-                None => Paint::from(opacity),
-            };
-            if holes.map.is_some() || opacity < 1.0 {
-                let builder = &mut self.builder;
-                (builder.set_opacity(&mut material, holes))
-                    .map_err(|what| fault(&entry.place, what))?;
-            }
+            self.holes(entry, opacity, &mut material)?;
         }
         let bump = self.map(entry, &["map_bump", "map_Bump", "bump"], false)?;
         Ok(Look {
@@ -282,6 +282,22 @@ impl Context {
                 ..map
             }),
         })
+    }
+
+    /// Opacity, with its texture.
+    fn holes(&mut self, entry: &Entry, opacity: f32, material: &mut Material) -> Result<()> {
+        let holes = match self.map(entry, &["map_d"], false)? {
+            Some((map, _)) => Paint {
+                factor: map.factor * opacity,
+                ..map
+            },
+            None => Paint::from(opacity),
+        };
+        if holes.map.is_some() || opacity < 1.0 {
+            (self.builder.set_opacity(material, holes))
+                .map_err(|what| fault(&entry.place, what))?;
+        }
+        Ok(())
     }
 
     /// Emission, roughness, metalness and normals.

@@ -6,6 +6,7 @@ use opsr::scene::load::error::{Result, fault};
 use opsr::scene::mesh::Mesh;
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::str::SplitWhitespace;
 
 /// Most vertices or triangles.
 const MOST: usize = 1 << 26;
@@ -41,20 +42,7 @@ pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Obj> {
     for (n, line) in joined.lines().enumerate() {
         let bad = |what: &str| fault(format!("{place}:{}", n + 1), what);
         let mut words = line.split_whitespace();
-        let vector = |words: &mut dyn Iterator<Item = &str>, least: usize| {
-            let mut v = [0.0f32; 3];
-            for (i, x) in v.iter_mut().enumerate() {
-                match words.next().map(str::parse) {
-                    Some(Ok(value)) => *x = value,
-                    None if i >= least => {}
-                    _ => return Err(bad("a word that is no number, or too few")),
-                }
-            }
-            match Vec3::from(v).is_finite() {
-                true => Ok(Vec3::from(v)),
-                false => Err(bad("not finite")),
-            }
-        };
+        let vector = |words: &mut SplitWhitespace<'_>, least| vector(words, least).map_err(bad);
         let rest = || {
             line.trim()
                 .split_once(char::is_whitespace)
@@ -112,6 +100,23 @@ pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Obj> {
         mesh.normals = corners.iter().map(|c| normals[at(c[2])]).collect();
     }
     Ok(obj)
+}
+
+/// Up to three numbers, at least so many.
+fn vector(
+    words: &mut SplitWhitespace<'_>,
+    least: usize,
+) -> std::result::Result<Vec3, &'static str> {
+    let mut v = [0.0f32; 3];
+    for (i, x) in v.iter_mut().enumerate() {
+        match words.next().map(str::parse) {
+            Some(Ok(value)) => *x = value,
+            None if i >= least => {}
+            _ => return Err("a word that is no number, or too few"),
+        }
+    }
+    let v = Vec3::from(v);
+    v.is_finite().then_some(v).ok_or("not finite")
 }
 
 /// The corner of a word such as `1/2/3`; negative numbers count from the end.

@@ -208,6 +208,37 @@ fn motion(frames: &[(&Frame, &[f32])], f: usize, forward: bool) -> Vec<Vec2> {
 /// Pairs of a window and a narrower one.
 const PAIRS: [(usize, usize); 6] = [(1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2)];
 
+/// The error map of the average, and its sum over that of the frame alone: the bias of the frame stays, its noise has this ratio.
+fn reduced_error(frame: &Frame, ratio: impl Fn(usize) -> f32) -> (Vec<f32>, f64) {
+    let reduced = |(i, error): (usize, &f32)| {
+        let bias2 = frame.bias2.get(i).map_or(0.0, |b| b.min(error * error));
+        (bias2 + (error * error - bias2) * ratio(i)).sqrt()
+    };
+    let error: Vec<f32> = frame.error.iter().enumerate().map(reduced).collect();
+    let total = |errors: &[f32]| errors.iter().map(|e| f64::from(e.min(1.0))).sum::<f64>();
+    let reduced = match total(&frame.error) {
+        before if before > 0.0 && before.is_finite() => total(&error) / before,
+        _ => 1.0,
+    };
+    (error, reduced)
+}
+
+/// Squared bias of a region, weighed: from differences of a window from the frame itself, and their variances.
+fn squared_bias(differences: Plane, noise: Plane, radius: usize) -> Plane {
+    let width = differences.width;
+    // Two boxes have the noise of 9/4 of one.
+    let independent = 2.25 * ((2 * radius + 1) as f32).powi(2) / CORRELATED;
+    let region = |plane: Plane| plane.box_filtered(radius).box_filtered(radius).values;
+    let pairs = region(differences).into_iter().zip(region(noise));
+    let square = |(difference, noise): (f32, f32)| difference.powi(2) - noise / independent;
+    Plane {
+        width,
+        values: pairs
+            .map(|pair| REGION_WEIGHT * square(pair).max(0.0))
+            .collect(),
+    }
+}
+
 /// The average of the frame at place `f` among frames one after another, with the variances of their pixels.
 pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool) -> Averaged {
     let frame = frames[f].0;
@@ -236,19 +267,18 @@ pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool)
         plane(&beyond).tent()
     });
     let radius = (width.min(frame.picture.height) / REGION).max(2);
-    let region = |plane: Plane| plane.box_filtered(radius).box_filtered(radius);
-    // Two boxes have the noise of 9/4 of one.
-    let independent = 2.25 * ((2 * radius + 1) as f32).powi(2) / CORRELATED;
     let of_region: Vec<Plane> = (1..WINDOWS.len())
         .map(|k| {
-            let difference = |i: usize| {
-                let difference = grey(sums[i][k].mean() - sums[i][0].mean());
-                weight(i).sqrt() * difference
-            };
-            let noise = |i: usize| weight(i) * sums[i][k].variance_of_difference(&sums[i][0]);
-            let (difference, noise) = (region(plane(&difference)), region(plane(&noise)));
-            let square = |i: usize| difference.values[i].powi(2) - noise.values[i] / independent;
-            plane(&|i| REGION_WEIGHT * square(i).max(0.0))
+            let pair = |i: usize| (&sums[i][k], &sums[i][0]);
+            let differences = plane(&|i| {
+                let (wide, own) = pair(i);
+                weight(i).sqrt() * grey(wide.mean() - own.mean())
+            });
+            let noise = plane(&|i| {
+                let (wide, own) = pair(i);
+                weight(i) * wide.variance_of_difference(own)
+            });
+            squared_bias(differences, noise, radius)
         })
         .collect();
     let squared_error = |i: usize, k: usize| {
@@ -268,26 +298,13 @@ pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool)
         .collect();
     let mixed = |i: usize| -> Vec3 {
         let parts = shares.iter().zip(&sums[i]);
-        let parts = parts.map(|(share, sums)| share.values[i] * sums.mean());
-        parts.sum()
+        (parts.map(|(share, sums)| share.values[i] * sums.mean())).sum()
     };
-    let ratio = |i: usize| {
-        let own = noise[0].values[i];
-        match own > 0.0 {
-            true => (squared_error(i, chosen[i]) / own).min(1.0),
-            false => 1.0,
-        }
-    };
-    let reduced = |(i, error): (usize, &f32)| {
-        let bias2 = frame.bias2.get(i).map_or(0.0, |b| b.min(error * error));
-        (bias2 + (error * error - bias2) * ratio(i)).sqrt()
-    };
-    let error: Vec<f32> = frame.error.iter().enumerate().map(reduced).collect();
-    let total = |errors: &[f32]| errors.iter().map(|e| f64::from(e.min(1.0))).sum::<f64>();
-    let reduced = match total(&frame.error) {
-        before if before > 0.0 && before.is_finite() => total(&error) / before,
+    let ratio = |i: usize| match noise[0].values[i] {
+        own if own > 0.0 => (squared_error(i, chosen[i]) / own).min(1.0),
         _ => 1.0,
     };
+    let (error, reduced) = reduced_error(frame, ratio);
     Averaged {
         picture: Buffer {
             width,

@@ -153,25 +153,7 @@ impl Iteration<'_> {
                 features.add(&point(&walk, &vertex), arrival.hit.t);
             }
             if !vertex.is_delta() {
-                // By the least radius that reaches them.
-                let mut sums = [Rgb::ZERO; MAX_LEVELS];
-                map.around_from(&vertex, |photon, _, to| {
-                    if n + photon.n() - 1 <= settings.max_vertices
-                        && let Some(value) = vertex.merged_value(photon.back)
-                    {
-                        let ng = vertex.surface.ng;
-                        let inner = radii.iter().rev().skip(1);
-                        let within = inner.take_while(|r| is_within(to, ng, **r)).count();
-                        sums[radii.len() - 1 - within] += value * photon.flux;
-                    }
-                });
-                let mut sum = Rgb::ZERO;
-                for (level, &radius) in radii.iter().enumerate() {
-                    sum += sums[level];
-                    let probes = &mut probes[level];
-                    total.levels[level] +=
-                        self.density(&vertex, (sum, radius), map.paths(), probes);
-                }
+                self.add_photons(&vertex, map, radii, &mut probes, &mut total.levels);
                 let light = self.light_at_sharp_lobe(&vertex, u.light);
                 total.add_shared(light);
             }
@@ -188,6 +170,35 @@ impl Iteration<'_> {
         total.features = features.values();
         observer.finish(total.levels[0]);
         total
+    }
+
+    /// Adds the photons within each of several radii, ascending, of a vertex.
+    #[inline(always)]
+    fn add_photons(
+        &self,
+        vertex: &Vertex,
+        map: &PhotonMap,
+        radii: &[f32],
+        probes: &mut [IndependentStream],
+        levels: &mut [Rgb],
+    ) {
+        // By the least radius that reaches them.
+        let mut sums = [Rgb::ZERO; MAX_LEVELS];
+        map.around_from(vertex, |photon, _, to| {
+            if vertex.n + photon.n() - 1 <= self.settings.max_vertices
+                && let Some(value) = vertex.merged_value(photon.back)
+            {
+                let ng = vertex.surface.ng;
+                let inner = radii.iter().rev().skip(1);
+                let within = inner.take_while(|r| is_within(to, ng, **r)).count();
+                sums[radii.len() - 1 - within] += value * photon.flux;
+            }
+        });
+        let mut sum = Rgb::ZERO;
+        for (level, &radius) in radii.iter().enumerate() {
+            sum += sums[level];
+            levels[level] += self.density(vertex, (sum, radius), map.paths(), &mut probes[level]);
+        }
     }
 
     /// A light sampled from the lobe that a walk of photon density estimation follows from this vertex, weighed against the

@@ -3,7 +3,7 @@
 use super::iteration::Iteration;
 use super::photons::PhotonMap;
 use super::psr::{Chain, Ends};
-use super::split::Trail;
+use super::split::{Prefix, Trail};
 use super::strategies::{Strategies, Strategy, Total};
 use super::vertex::{MergesBetween, Vertex};
 use super::walk::{Onward, WeightedWalk};
@@ -201,22 +201,7 @@ impl Iteration<'_> {
             let share = prefix.share(&vertex);
             if strategies.connects() && !vertex.is_delta() {
                 total.add(edge(1), self.sampled_light(&vertex, u.light, share));
-                let least = MIN_SHARE * total.all.max_element();
-                for (other, trail) in light.vertices.iter().zip(&light.trails) {
-                    if n + other.n > self.settings.max_vertices {
-                        break;
-                    }
-                    // Kept for merges alone.
-                    if other.is_delta() {
-                        continue;
-                    }
-                    let part = prefix.connected(&vertex, other, trail);
-                    if part != Rgb::ZERO {
-                        let u = (u.roulette + 0.618_034 * other.n as f32).fract();
-                        let value = part * self.connection(&vertex, other, (least, u));
-                        total.add(edge(other.n + 1), value);
-                    }
-                }
+                self.connections(&vertex, light, &prefix, u.roulette, &mut total);
                 if let Some(map) = map
                     && vertex.merges
                 {
@@ -245,6 +230,35 @@ impl Iteration<'_> {
         }
         observer.finish(total.shown);
         total.shown
+    }
+
+    /// Adds the connections of a vertex of a camera walk to those of a light path.
+    #[inline(always)]
+    fn connections(
+        &self,
+        vertex: &Vertex,
+        light: &LightPath,
+        prefix: &Prefix<'_>,
+        u: f32,
+        total: &mut Total,
+    ) {
+        let least = MIN_SHARE * total.all.max_element();
+        for (other, trail) in light.vertices.iter().zip(&light.trails) {
+            if vertex.n + other.n > self.settings.max_vertices {
+                break;
+            }
+            // Kept for merges alone.
+            if other.is_delta() {
+                continue;
+            }
+            let part = prefix.connected(vertex, other, trail);
+            if part != Rgb::ZERO {
+                let u = (u + 0.618_034 * other.n as f32).fract();
+                let value = part * self.connection(vertex, other, (least, u));
+                let (s, t) = (other.n + 1, vertex.n + 1);
+                total.add(Strategy::Connection { s, t }, value);
+            }
+        }
     }
 }
 

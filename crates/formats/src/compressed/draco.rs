@@ -128,37 +128,8 @@ fn fill(
         let Some(id) = ids.get(&name) else {
             continue;
         };
-        let attribute = (id.as_u64().and_then(|id| u32::try_from(id).ok()))
-            .and_then(|id| mesh.attribute_by_unique_id(id));
-        let Some(attribute) = attribute else {
-            return Err(fault(
-                at,
-                format!("{name}: the stream has no attribute {id}"),
-            ));
-        };
-        let accessor = root
-            .accessors
-            .get(index.value())
-            .map(|a| (a.component_type, a.type_));
-        let Some((Checked::Valid(GenericComponentType(component)), Checked::Valid(kind))) =
-            accessor
-        else {
-            return Err(fault(
-                at,
-                format!("{name}: accessors[{index}] has no known type"),
-            ));
-        };
-        let Some(bytes) = values(attribute, points, component, kind.multiplicity()) else {
-            return Err(fault(
-                at,
-                format!("{name}: the stream's attribute {id} is of another shape"),
-            ));
-        };
-        let made = Made {
-            bytes,
-            count: points,
-            component,
-        };
+        let made = of_attribute(&mesh, root, *index, id)
+            .map_err(|what| fault(at, format!("{name}: {what}")))?;
         *index = given(root, buffers, *index, made, stream, filled, at)?;
     }
     Ok(())
@@ -190,6 +161,32 @@ struct Made {
     bytes: Vec<u8>,
     count: usize,
     component: ComponentType,
+}
+
+/// The attribute `id` of a stream in the type of an accessor.
+fn of_attribute(
+    mesh: &Mesh,
+    root: &Root,
+    index: Index<Accessor>,
+    id: &Value,
+) -> std::result::Result<Made, String> {
+    let number = id.as_u64().and_then(|id| u32::try_from(id).ok());
+    let attribute = number.and_then(|id| mesh.attribute_by_unique_id(id));
+    let attribute = attribute.ok_or_else(|| format!("the stream has no attribute {id}"))?;
+    let accessor = root.accessors.get(index.value());
+    let types = accessor.map(|a| (a.component_type, a.type_));
+    let Some((Checked::Valid(GenericComponentType(component)), Checked::Valid(kind))) = types
+    else {
+        return Err(format!("accessors[{index}] has no known type"));
+    };
+    let points = mesh.num_points();
+    let bytes = values(attribute, points, component, kind.multiplicity())
+        .ok_or_else(|| format!("the stream's attribute {id} is of another shape"))?;
+    Ok(Made {
+        bytes,
+        count: points,
+        component,
+    })
 }
 
 /// Gives an accessor its data; a copy of it where another stream has filled it.

@@ -314,6 +314,17 @@ impl Scene<'_> {
         (self.context).check_names(names::NAMES, element, parameters.names())
     }
 
+    fn color_space(&mut self, name: &str, place: &str) -> Result<()> {
+        match values::space(name) {
+            Some(space) => self.state.space = space,
+            None => {
+                let what = format!("colour space `{name}`");
+                self.context.nearest(place, what, "`srgb`")?;
+            }
+        }
+        Ok(())
+    }
+
     /// A declaration of a name and parameters.
     fn declare(
         &mut self,
@@ -333,19 +344,20 @@ impl Scene<'_> {
                 let parameters = self.with_defaults("shape", parameters);
                 self.shape(&name, &parameters)
             }
-            "Material" | "MakeNamedMaterial" => {
+            "Material" => {
                 let parameters = self.with_defaults("material", parameters);
-                let kind = match word {
-                    "Material" => name.clone(),
-                    _ => parameters.text("type")?.unwrap_or_default().to_owned(),
+                let declared = Declared {
+                    kind: name,
+                    parameters,
                 };
+                self.state.material = Some(Rc::new(declared));
+                Ok(())
+            }
+            "MakeNamedMaterial" => {
+                let parameters = self.with_defaults("material", parameters);
+                let kind = parameters.text("type")?.unwrap_or_default().to_owned();
                 let declared = Rc::new(Declared { kind, parameters });
-                match word {
-                    "Material" => self.state.material = Some(declared),
-                    _ => {
-                        self.materials.insert(name, declared);
-                    }
-                }
+                self.materials.insert(name, declared);
                 Ok(())
             }
             "LightSource" => {
@@ -373,16 +385,7 @@ impl Scene<'_> {
                 self.film = Some(parameters);
                 Ok(())
             }
-            "ColorSpace" => match values::space(&name) {
-                Some(space) => {
-                    self.state.space = space;
-                    Ok(())
-                }
-                None => {
-                    let what = format!("colour space `{name}`");
-                    self.context.nearest(place, what, "`srgb`")
-                }
-            },
+            "ColorSpace" => self.color_space(&name, place),
             "MakeNamedMedium" => {
                 let parameters = self.with_defaults("medium", parameters);
                 self.medium(name, &parameters)

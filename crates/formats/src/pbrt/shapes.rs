@@ -56,44 +56,39 @@ impl Scene<'_> {
         Ok(())
     }
 
+    fn ply_mesh(&mut self, parameters: &Parameters, reversed: bool) -> Result<u32> {
+        let place = &parameters.place;
+        let name = parameters.text("filename")?;
+        let name = name
+            .ok_or_else(|| fault(place, "has no filename"))?
+            .to_owned();
+        if parameters.get("displacement").is_some() {
+            self.context
+                .nearest(place, "displacement of a mesh", "the mesh without it")?;
+        }
+        let choice = format!("ply {reversed}");
+        self.context.file_mesh(&name, &choice, place, |bytes, at| {
+            let mut mesh = ply::read(bytes, at)?;
+            mesh.colors.clear();
+            turned(&mut mesh, reversed);
+            Ok(mesh)
+        })
+    }
+
     fn mesh(&mut self, kind: &str, parameters: &Parameters, reversed: bool) -> Result<Option<u32>> {
         let place = &parameters.place;
         if kind == "plymesh" {
-            let name = parameters.text("filename")?;
-            let name = name
-                .ok_or_else(|| fault(place, "has no filename"))?
-                .to_owned();
-            if parameters.get("displacement").is_some() {
-                self.context
-                    .nearest(place, "displacement of a mesh", "the mesh without it")?;
-            }
-            let choice = format!("ply {reversed}");
-            let mesh = self.context.file_mesh(&name, &choice, place, |bytes, at| {
-                let mut mesh = ply::read(bytes, at)?;
-                mesh.colors.clear();
-                turned(&mut mesh, reversed);
-                Ok(mesh)
-            });
-            return mesh.map(Some);
+            return self.ply_mesh(parameters, reversed).map(Some);
         }
         let of = |name: &str, or: f64| parameters.number(name, or).map(|x| x as f32);
         let turn = of("phimax", 360.0)?.clamp(0.1, 360.0).to_radians();
         let radius = of("radius", 1.0)?;
         let mut mesh = match kind {
             "sphere" => {
-                let (low, high) = (
-                    of("zmin", f64::from(-radius))?,
-                    of("zmax", f64::from(radius))?,
-                );
-                let angle = |z: f32| (z / radius).clamp(-1.0, 1.0).acos();
-                let span = [angle(low.max(high)), angle(low.min(high))];
-                if span[1] - span[0] < 1e-4 {
-                    return Err(fault(place, "a sphere without a surface"));
-                }
-                let mut mesh = shapes::part_of_sphere(Vec3::ZERO, radius, span, turn);
-                // pbrt's v is 0 at the lower end.
-                mesh.uvs.iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
-                mesh
+                let [low, high] = [("zmin", -radius), ("zmax", radius)];
+                let ends = [of(low.0, low.1.into())?, of(high.0, high.1.into())?];
+                sphere(radius, ends, turn)
+                    .ok_or_else(|| fault(place, "a sphere without a surface"))?
             }
             "disk" => {
                 let inner = of("innerradius", 0.0)?;
@@ -263,6 +258,19 @@ impl Scene<'_> {
         look.material.double_sided = both;
         Ok(())
     }
+}
+
+/// A sphere between two heights; `None` where nothing is between them.
+fn sphere(radius: f32, [low, high]: [f32; 2], turn: f32) -> Option<Mesh> {
+    let angle = |z: f32| (z / radius).clamp(-1.0, 1.0).acos();
+    let span = [angle(low.max(high)), angle(low.min(high))];
+    if span[1] - span[0] < 1e-4 {
+        return None;
+    }
+    let mut mesh = shapes::part_of_sphere(Vec3::ZERO, radius, span, turn);
+    // pbrt's v is 0 at the lower end.
+    mesh.uvs.iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
+    Some(mesh)
 }
 
 fn area(mesh: &Mesh) -> f64 {
