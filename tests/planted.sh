@@ -266,11 +266,11 @@ plant "view: the camera turns at the depth of the floor" crates/view/src/work.rs
     's/\(!is_floor\)\.then/(true || is_floor).then/' view::view_knows_the_objects_of_a_studio
 plant "view: the floor is an object" crates/view/src/open_scene.rs \
     's/\(!is_floor\)\.then_some/(true || is_floor).then_some/' view::view_knows_the_objects_of_a_studio
-plant "merges: lights allow them" src/integrator/bidirectional/vertex.rs \
-    's/light_allows\.then_some\(true\)/(true || light_allows).then_some(true)/' \
+plant "merges: lights allow them" src/integrator/bidirectional/walk.rs \
+    's/merge_rule\.beside_lights\.then_some\(true\)/Some(true)/' \
     lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_of_materials
-plant "merges: a connection asks one end alone" src/integrator/bidirectional/connect.rs \
-    's/light\.sharp \|\| near/true || near/' \
+plant "merges: a connection checks one end alone" src/integrator/bidirectional/connect.rs \
+    's/allows\(light\)/true/' \
     lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_of_materials
 plant "merges: emission counts those beside the light" src/integrator/bidirectional/connect.rs \
     's/hit\(&walk\.arrived/hit(&vertex.partial/' \

@@ -223,7 +223,7 @@ def bucket(client, monkeypatch):
     client.run(lambda: os.environ.update(names))
     fs.S3FileSystem.clear_instance_cache()
     s3 = fs.S3FileSystem()
-    s3.mkdir("farm")
+    s3.mkdir("renders")
     yield s3
     running.stop()
 
@@ -231,22 +231,22 @@ def bucket(client, monkeypatch):
 def test_scenes_recordings_and_results_have_addresses(client, bucket, moving, tmp_path):
     import opsr.dask
 
-    bucket.put_file(str(SCENE), "farm/scenes/box.glb")
+    bucket.put_file(str(SCENE), "renders/scenes/box.glb")
     settings = {"size": (32, 24), "spp": 8}
     opsr.dask.render(
-        client, "s3://farm/scenes/box.glb", folder="s3://farm/work", output="s3://farm/out.exr", parts=3, **settings
+        client, "s3://renders/scenes/box.glb", folder="s3://renders/work", output="s3://renders/out.exr", parts=3, **settings
     )
-    single = opsr.render(opsr.Scene.load(SCENE, name="s3://farm/scenes/box.glb"), **settings)
-    assert bucket.cat_file("farm/out.exr") == saved(single, tmp_path / "one.exr")
-    assert len(bucket.ls("farm/work/parts")) == 3
-    assert bucket.exists("farm/work/index.html") and bucket.exists("farm/work/so-far.png")
+    single = opsr.render(opsr.Scene.load(SCENE, name="s3://renders/scenes/box.glb"), **settings)
+    assert bucket.cat_file("renders/out.exr") == saved(single, tmp_path / "one.exr")
+    assert len(bucket.ls("renders/work/parts")) == 3
+    assert bucket.exists("renders/work/index.html") and bucket.exists("renders/work/so-far.png")
     # A scene of several files, and frames.
-    bucket.put(f"{moving.parent}/", "farm/moving/", recursive=True)
-    frames = opsr.dask.animate(client, "s3://farm/moving/scene.gltf", [0, 2], "s3://farm/film/{}.png", **settings)
+    bucket.put(f"{moving.parent}/", "renders/moving/", recursive=True)
+    frames = opsr.dask.animate(client, "s3://renders/moving/scene.gltf", [0, 2], "s3://renders/film/{}.png", **settings)
     assert all(bucket.cat_file(frame).startswith(b"\x89PNG") for frame in frames.values())
-    crops = opsr.dask.record(client, TINY, "s3://farm/paths")
-    assert len(bucket.ls("farm/paths")) == len(crops)
-    [[table]] = opsr.dask.train(client, [TINY], recordings="s3://farm/paths")
+    crops = opsr.dask.record(client, TINY, "s3://renders/paths")
+    assert len(bucket.ls("renders/paths")) == len(crops)
+    [[table]] = opsr.dask.train(client, [TINY], recordings="s3://renders/paths")
     assert table.sha256 == opsr.train(TINY)[0].sha256
 
 

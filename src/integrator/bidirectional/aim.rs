@@ -210,8 +210,7 @@ impl Iteration<'_> {
             std::array::from_fn(|_| stream.next_1d()),
         );
         let start = scene.sample_emission(self.aim, pick, u)?;
-        let mut walk =
-            WeightedWalk::light(scene, &start, self.light_merging, self.merges_from_light());
+        let mut walk = WeightedWalk::light(scene, &start, self.light_merging, self.merge_rule);
         let mut glimpses = Vec::new();
         let connects = self.strategies.connects();
         let mut caustic = false;

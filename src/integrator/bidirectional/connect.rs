@@ -155,18 +155,18 @@ impl Iteration<'_> {
             return Rgb::ZERO;
         };
         let (cos_here, cos_there) = (vertex.cos(dir), light.cos(dir));
-        let near = distance < self.near;
+        let allows = |end: &Vertex| self.merge_rule.allows(end.is_sharp(), distance);
         let weight = self.strategies.weight(light.n + 1, vertex.n + 1, || {
             weights::connection(
                 &light.end(
                     per_area(here.pdf_w, cos_there, distance2),
                     there.pdf_w,
-                    vertex.sharp || near,
+                    allows(vertex),
                 ),
                 &vertex.end(
                     per_area(light.pdf_on(-dir), cos_here, distance2),
                     vertex.pdf_back(dir),
-                    light.sharp || near,
+                    allows(light),
                 ),
                 &self.merging,
             )

@@ -1,7 +1,7 @@
 //! Scene, settings and random numbers of one iteration.
 
 use super::strategies::Strategies;
-use super::vertex::MergesBetween;
+use super::vertex::MergeRule;
 use super::weights::Merging;
 use super::{Bidirectional, MAX_LIGHT_PATHS};
 use crate::integrator::View;
@@ -13,7 +13,7 @@ use crate::scene::Aim;
 use std::f32::consts::PI;
 
 /// Distance within which surfaces allow merges at their neighbours, over the radius of merges. Measured in docs/lab/photons.md.
-pub(super) const NEAR: f32 = 64.0;
+const NEAR: f32 = 64.0;
 
 /// Scene, settings and radius of one iteration, shared by the threads.
 #[derive(Clone, Copy)]
@@ -29,8 +29,7 @@ pub(super) struct Iteration<'a> {
     pub(super) paths: u32,
     /// Radius of merges; 0 without.
     pub(super) radius: f32,
-    /// Distance within which surfaces allow merges at their neighbours.
-    pub(super) near: f32,
+    pub(super) merge_rule: MergeRule,
     /// Merging weights of camera walks, and of light walks below.
     pub(super) merging: Merging<f32>,
     pub(super) light_merging: Merging<f32>,
@@ -60,11 +59,15 @@ impl Bidirectional {
             seed: Seed(self.seed).derive(domain, 0),
         };
         let radius = (self.merging.zip(first)).map_or(0.0, |(r, first)| r.at(first, sample));
-        let near = match self.strategies {
-            // Without connections.
-            Strategies::Density => f32::INFINITY,
-            _ if self.light_sampling_only => f32::INFINITY,
-            _ => NEAR * radius,
+        let beside_lights = self.strategies == Strategies::Density;
+        let connects = !beside_lights && !self.light_sampling_only;
+        let merge_rule = MergeRule {
+            near: if connects {
+                NEAR * radius
+            } else {
+                f32::INFINITY
+            },
+            beside_lights,
         };
         let merging = match self.strategies {
             Strategies::All | Strategies::One(_) if radius > 0.0 => {
@@ -90,7 +93,7 @@ impl Bidirectional {
             sample,
             paths,
             radius,
-            near,
+            merge_rule,
             merging,
             light_merging,
             mollifier,
@@ -104,11 +107,6 @@ impl Bidirectional {
 }
 
 impl Iteration<'_> {
-    /// Where light walks merge.
-    pub(super) fn merges_from_light(&self) -> MergesBetween {
-        MergesBetween::from_light(self.near, self.strategies == Strategies::Density)
-    }
-
     /// Random numbers of a light path.
     pub(super) fn light_stream(&self, path: u32) -> IndependentStream {
         self.light.stream(UVec2::new(path, 0), self.sample)

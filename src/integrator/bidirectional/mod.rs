@@ -12,7 +12,7 @@
 //! |---|---|
 //! | `aim` | where light paths are sent: at what throws caustics, and at what the camera sees |
 //! | [`weights`] | multiple importance sampling over all strategies: pure recursions |
-//! | `vertex` | a scattering vertex: its value, and the densities of both walks |
+//! | `vertex` | a scattering vertex: its value, the densities of both walks, and whether its neighbours may merge |
 //! | `walk` | one walk from either end: edges, draws, running numbers |
 //! | `guides` | the guides of camera paths for blurs of the picture |
 //! | `strategies` | strategies, and sums of contributions over them |

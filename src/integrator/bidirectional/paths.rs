@@ -5,7 +5,7 @@ use super::photons::PhotonMap;
 use super::psr::{Chain, Ends};
 use super::split::{Prefix, Trail};
 use super::strategies::{Strategies, Strategy, Total};
-use super::vertex::{MergesBetween, Vertex};
+use super::vertex::Vertex;
 use super::walk::{Onward, WeightedWalk};
 use super::weights::Partial;
 use crate::image::splat::Splat;
@@ -82,8 +82,7 @@ impl Iteration<'_> {
         let Some(start) = scene.sample_emission(self.aim, pick, u) else {
             return;
         };
-        let mut walk =
-            WeightedWalk::light(scene, &start, self.light_merging, self.merges_from_light());
+        let mut walk = WeightedWalk::light(scene, &start, self.light_merging, self.merge_rule);
         let mut chain = Chain::default();
         let mut trail = Trail::START;
         for n in 1..=self.settings.max_vertices {
@@ -154,7 +153,8 @@ impl Iteration<'_> {
             length: 0.0,
             start: partial,
             arrived: partial,
-            merges: MergesBetween::from_camera(self.near),
+            merge_rule: self.merge_rule,
+            behind: Some(true),
             pending: 0.0,
         }
     }

@@ -5,7 +5,7 @@
 //! their light paths, so that sums are bit-identical at any number of threads.
 
 use super::split::Trail;
-use super::vertex::{MIN_MERGED, Vertex};
+use super::vertex::Vertex;
 use super::weights::Partial;
 use crate::integrator::walk::Surroundings;
 use crate::math::{Rgb, Vec3};
@@ -96,7 +96,6 @@ impl Photon {
             local: frame.to_local(self.back),
             throughput: self.flux,
             partial: self.partial,
-            sharp: bsdf.alpha() < MIN_MERGED,
             merges: self.merges(),
             around: Surroundings::default(),
         }

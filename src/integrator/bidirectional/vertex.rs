@@ -31,8 +31,6 @@ pub(super) struct Vertex {
     /// Throughput before the vertex; in a light walk over |ng · back|: flux per area and cosine.
     pub(super) throughput: Rgb,
     pub(super) partial: Partial<f32>,
-    /// True for a lobe so sharp that edges from it are hard to connect.
-    pub(super) sharp: bool,
     /// True if the neighbour behind allows merges here.
     pub(super) merges: bool,
     /// Media around the previous edge.
@@ -40,56 +38,29 @@ pub(super) struct Vertex {
 }
 
 /// Roughness from which walks of photon density estimation merge at a glossy lobe instead of following it, and from which a
-/// surface forbids merges at its neighbours.
-pub(super) const MIN_MERGED: f32 = 0.25;
+/// surface allows no merges at its neighbours.
+const MIN_MERGED: f32 = 0.25;
 
-/// Where walks merge: at vertices between two neighbours that allow it.
+/// The rule of merges: walks merge at vertices between two neighbours that allow it.
 ///
-/// An edge between two rough surfaces is sampled well by a connection, and one to a light by light sampling; merges at their ends
-/// would cost most of the time, and share their errors with neighbouring pixels. So a rough surface and a light forbid
-/// merges at their neighbours. A connection of a short edge has a high variance: surfaces that are near allow them. The
-/// camera does, too: light paths that are connected to it are fewer than photons. The rule depends on the path alone, so that
-/// all strategies have the same weights for it.
+/// An edge between two rough surfaces is sampled well by a connection, and one to a light by light sampling. Merges at their ends
+/// would take most of the time, and share their errors with neighbouring pixels. So rough surfaces and lights allow no merges at
+/// their neighbours. Two kinds of vertices do although they are not sharp: near ones, since connections of short edges have a high
+/// variance, and the camera, since light paths that are connected to it are fewer than photons. The rule depends on the
+/// path alone, so that all strategies have the same weights for it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct MergesBetween {
+pub(super) struct MergeRule {
     /// Distance within which surfaces allow merges.
-    near: f32,
-    /// True if the vertex behind allows them at any distance, false if at none (a light).
-    behind: Option<bool>,
+    pub(super) near: f32,
+    /// True if lights allow merges, as in photon density estimation.
+    pub(super) beside_lights: bool,
 }
 
-impl MergesBetween {
-    /// For a walk from the camera.
-    pub(super) fn from_camera(near: f32) -> Self {
-        Self {
-            near,
-            behind: Some(true),
-        }
-    }
-
-    /// For a walk from a light, which forbids them, or allows them in photon density estimation.
-    pub(super) fn from_light(near: f32, light_allows: bool) -> Self {
-        Self {
-            near,
-            behind: light_allows.then_some(true),
-        }
-    }
-
-    /// The walk leaves a surface.
-    pub(super) fn leave(&mut self, sharp: bool) {
-        self.behind = Some(sharp);
-    }
-
-    /// True if the vertex behind allows merges at the next one.
-    pub(super) fn at(&self, length: f32) -> bool {
-        self.behind
-            .is_some_and(|sharp| self.allowed_by(sharp, length))
-    }
-
-    /// True if a surface at this distance allows merges.
+impl MergeRule {
+    /// True if a vertex allows merges at a neighbour at this distance; `is_sharp` as of [`Vertex::is_sharp`], true for the camera.
     #[inline]
-    pub(super) fn allowed_by(&self, sharp: bool, distance: f32) -> bool {
-        sharp || distance < self.near
+    pub(super) fn allows(&self, is_sharp: bool, distance: f32) -> bool {
+        is_sharp || distance < self.near
     }
 }
 
@@ -97,7 +68,13 @@ impl Vertex {
     /// True if photon density estimation merges at the glossy lobe too, and not at the base alone.
     #[inline]
     pub(super) fn merges_gloss(&self) -> bool {
-        self.alpha >= MIN_MERGED
+        !self.is_sharp()
+    }
+
+    /// True for a lobe whose edges are hard to connect.
+    #[inline]
+    pub(super) fn is_sharp(&self) -> bool {
+        self.alpha < MIN_MERGED
     }
 
     /// True if only a Dirac lobe scatters here, to which nothing can be connected.

@@ -1,6 +1,6 @@
 //! A walk from the camera or from a light with the running numbers of its weights.
 
-use super::vertex::{MIN_MERGED, MergesBetween, Vertex};
+use super::vertex::{MergeRule, Vertex};
 use super::weights::{Merging, Partial, Step, clamped};
 use crate::bsdf::{Bsdf, BsdfSample, Lobe};
 use crate::integrator::walk::shading_point::Continuation;
@@ -59,9 +59,10 @@ pub(super) struct WeightedWalk<'a> {
     /// Running numbers at the start of the edge, and at its end before merges at its start are added.
     pub(super) start: Partial<f32>,
     pub(super) arrived: Partial<f32>,
-    /// Where this walk merges.
-    pub(super) merges: MergesBetween,
-    /// c_out / p_f of the vertex at the start of the edge if it merges unless the next neighbour forbids it, else 0.
+    pub(super) merge_rule: MergeRule,
+    /// True if the start of the edge is sharp or the camera; `None` if it is a light without merges.
+    pub(super) behind: Option<bool>,
+    /// c_out / p_f of the vertex at the start of the edge if the vertex before allows merges there, else 0.
     pub(super) pending: f32,
 }
 
@@ -71,7 +72,7 @@ impl<'a> WeightedWalk<'a> {
         scene: &'a Scene,
         start: &EmissionSample,
         merging: Merging<f32>,
-        merges: MergesBetween,
+        merge_rule: MergeRule,
     ) -> Self {
         let EmissionDensity {
             position,
@@ -90,7 +91,8 @@ impl<'a> WeightedWalk<'a> {
             length: 0.0,
             start: partial,
             arrived: partial,
-            merges,
+            merge_rule,
+            behind: merge_rule.beside_lights.then_some(true),
             pending: 0.0,
         }
     }
@@ -135,15 +137,11 @@ impl<'a> WeightedWalk<'a> {
             Origin::Camera => self.base.throughput,
             Origin::Light => self.base.throughput / cos,
         };
-        self.arrived = self.partial;
-        let sharp = bsdf.alpha() < MIN_MERGED;
-        if self.merges.allowed_by(sharp, self.length) {
-            self.partial.add_merges(self.pending / cos, &self.merging);
-        }
         let Interaction {
             frame, wo, alpha, ..
         } = self.base.interaction(&surface, &bsdf);
-        Vertex {
+        let allowed = |sharp| self.merge_rule.allows(sharp, self.length);
+        let mut vertex = Vertex {
             n,
             first: self.first,
             hit,
@@ -156,10 +154,15 @@ impl<'a> WeightedWalk<'a> {
             local: wo,
             throughput,
             partial: self.partial,
-            sharp,
-            merges: self.merges.at(self.length),
+            merges: self.behind.is_some_and(allowed),
             around: *self.base.around(),
+        };
+        self.arrived = self.partial;
+        if allowed(vertex.is_sharp()) {
+            self.partial.add_merges(self.pending / cos, &self.merging);
+            vertex.partial = self.partial;
         }
+        vertex
     }
 
     /// Draws the next direction at a vertex; `None` where the walk ends.
@@ -177,7 +180,7 @@ impl<'a> WeightedWalk<'a> {
             self.travelled = self.length;
             return (self.base.throughput != Rgb::ZERO).then_some(Onward::Straight);
         }
-        let mut pending = 0.0;
+        self.pending = 0.0;
         if sample.delta {
             self.dirac(vertex, &sample, out)?;
         } else {
@@ -202,11 +205,10 @@ impl<'a> WeightedWalk<'a> {
             };
             self.partial.scatter(&step, &self.merging);
             if vertex.merges {
-                pending = cos_out / pdf;
+                self.pending = cos_out / pdf;
             }
         }
         self.leave(vertex, sample.lobe, out);
-        self.pending = pending;
         let onward = if sample.delta {
             Onward::Dirac
         } else {
@@ -256,8 +258,7 @@ impl<'a> WeightedWalk<'a> {
         self.first = false;
         self.travelled = 0.0;
         self.light = None;
-        self.pending = 0.0;
-        self.merges.leave(vertex.sharp);
+        self.behind = Some(vertex.is_sharp());
         self.base.leave(&vertex.interaction(), lobe, out);
     }
 

@@ -12,9 +12,9 @@ mod cases;
 #[allow(dead_code)]
 mod scenes;
 
-use super::iteration::{Iteration, NEAR};
+use super::iteration::Iteration;
 use super::split::{Event, Trail, share};
-use super::vertex::{MIN_MERGED, Vertex};
+use super::vertex::Vertex;
 use super::walk::{Onward, WeightedWalk};
 use super::{Bidirectional, Strategies};
 use crate::bsdf::Bsdf;
@@ -308,10 +308,10 @@ impl Iteration<'_> {
                 }
             })
             .collect();
-        // Both neighbours allow merges: the camera, sharp surfaces and near ones.
+        // Both neighbours allow merges: the camera, surfaces of less than 0.25 and those within 64 radii.
         let allows = |i: usize, j: usize| {
             let [one, other] = [i, j].map(|i| nodes[i - 1].surface.position);
-            nodes[i - 1].alpha < MIN_MERGED || one.distance(other) < NEAR * self.radius
+            nodes[i - 1].alpha < 0.25 || one.distance(other) < 64.0 * self.radius
         };
         let merge = |j: usize| (j == 1 || allows(j - 1, j)) && j + 1 < k && allows(j + 1, j);
         let merges: f64 = (1..k)
@@ -370,8 +370,7 @@ impl Iteration<'_> {
         let mut trail = Trail::START;
         let start = scene.sample_emission(self.aim, pick, u);
         if let Some(start) = &start {
-            let mut walk =
-                WeightedWalk::light(scene, start, self.merging, self.merges_from_light());
+            let mut walk = WeightedWalk::light(scene, start, self.merging, self.merge_rule);
             for n in 1..=self.settings.max_vertices {
                 let Some(arrival) = walk.arrive(&mut stream) else {
                     break;
