@@ -274,10 +274,10 @@ plant "merges: a connection checks one end alone" src/integrator/bidirectional/c
     lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_of_materials
 plant "merges: emission counts those beside the light" src/integrator/bidirectional/connect.rs \
     's/hit\(&walk\.arrived/hit(&vertex.partial/' \
-    lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_of_materials
+    lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_under_water
 plant "merges: all photons merge" src/integrator/bidirectional/photons.rs \
     's/filter\(\|\(_, photon\)\| photon\.merges\(\)\)/filter(|(_, photon)| true || photon.merges())/' \
-    bidirectional::agreement::agreement_of_vcm_with_path
+    bidirectional::photons::photons_do_not_darken_thin_parts
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]
