@@ -234,7 +234,12 @@ def test_scenes_recordings_and_results_have_addresses(client, bucket, moving, tm
     bucket.put_file(str(SCENE), "renders/scenes/box.glb")
     settings = {"size": (32, 24), "spp": 8}
     opsr.dask.render(
-        client, "s3://renders/scenes/box.glb", folder="s3://renders/work", output="s3://renders/out.exr", parts=3, **settings
+        client,
+        "s3://renders/scenes/box.glb",
+        folder="s3://renders/work",
+        output="s3://renders/out.exr",
+        parts=3,
+        **settings,
     )
     single = opsr.render(opsr.Scene.load(SCENE, name="s3://renders/scenes/box.glb"), **settings)
     assert bucket.cat_file("renders/out.exr") == saved(single, tmp_path / "one.exr")
