@@ -191,6 +191,12 @@ plant "every strategy roughens a part of its own" src/integrator/bidirectional/s
     's/reach\.join\(&there\.reach\)/there.reach.best/' lib::integrator::bidirectional::audit::cases::audit_of_the_split
 plant "a first sample that is cut at once has no pixels" src/integrator/pieces.rs \
     's/ && !\(piece < least && self\.is_first\(\)\)//' stop::first_sample_that_is_cut_at_once_has_its_first_pixels
+plant "one level: the wide blur is blurred twice" src/resolve/tiles.rs \
+    's/\(sigma \* sigma - BASE \* BASE\)\.sqrt\(\)/sigma/' lib::resolve::tests::blur_of_a_blur_in_steps_is_a_wide_gaussian
+plant "one level: the wide blur takes too few pixels" src/resolve/tiles.rs \
+    's/const STEP: usize = 3/const STEP: usize = 6/' lib::resolve::tests::blur_of_a_blur_in_steps_is_a_wide_gaussian
+plant "one level: chance counts as it stands" src/resolve/layer.rs \
+    's/\(DOUBTFUL \* \*bias\)\.min\(\*most\)/DOUBTFUL * *bias/' lib::resolve::tests::an_even_floor_has_no_pepper
 plant "one level: discs of fireflies" src/resolve/tiles.rs \
     's/self\.cap\(&mut only\);//' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
 plant "one level: discs of glints" src/resolve/mod.rs \

@@ -101,21 +101,34 @@ impl Guide {
 
     /// Layers blurred by a Gaussian of this standard deviation in pixels, at the inner pixels.
     pub(super) fn blur(&self, sigma: f32, inner: &Inner, layers: &[&Batches]) -> Vec<Batches> {
+        self.blur_in_steps::<1>(sigma, inner, layers)
+    }
+
+    /// The same from every `STEP`th pixel in both directions, for layers that are blurred already: Dammertz et al., *Edge-Avoiding
+    /// À-Trous Wavelet Transform for fast Global Illumination Filtering*, High Performance Graphics 2010.
+    pub(super) fn blur_in_steps<const STEP: usize>(
+        &self,
+        sigma: f32,
+        inner: &Inner,
+        layers: &[&Batches],
+    ) -> Vec<Batches> {
         let (width, height) = self.size;
-        let radius = reach(sigma) as isize;
+        let step = STEP as isize;
+        let radius = reach(sigma) as isize / step * step;
         let most = (REACH * sigma).powi(2);
         // Rows of the disk: how far each reaches.
         let rows: Vec<(isize, isize)> = (-radius..=radius)
+            .step_by(STEP)
             .filter_map(|dy| {
                 let half = (most - (dy * dy) as f32).max(-1.0);
-                (half >= 0.0).then(|| (dy, (half.sqrt() as isize).min(radius)))
+                (half >= 0.0).then(|| (dy, (half.sqrt() as isize).min(radius) / step * step))
             })
             .collect();
         let (w, h) = inner.size;
         let mut out: Vec<Batches> = layers.iter().map(|_| Vec::with_capacity(w * h)).collect();
         // Weights of the neighbours in a row of the disks around a row of pixels, those at one step after another: long
         // loops, however short the rows are.
-        let mut weights = vec![0.0f32; (2 * radius as usize + 1) * w];
+        let mut weights = vec![0.0f32; (2 * radius as usize / STEP + 1) * w];
         let mut row_sums = vec![0.0f32; w];
         let mut all = vec![0.0f32; w];
         let mut light = vec![[Vec3A::ZERO; BATCHES]; layers.len() * w];
@@ -128,7 +141,8 @@ impl Guide {
                     continue;
                 }
                 row_sums.fill(0.0);
-                for (dx, weights) in (-half..=half).zip(weights.chunks_exact_mut(w)) {
+                let steps = (-half..=half).step_by(STEP);
+                for (dx, weights) in steps.zip(weights.chunks_exact_mut(w)) {
                     let Some((skipped, count)) = inside(inner, dx) else {
                         continue;
                     };
@@ -143,15 +157,19 @@ impl Guide {
                 all.iter_mut().zip(&row_sums).for_each(|(a, s)| *a += *s);
                 for x in 0..w {
                     let at = (inner.origin.0 + x) as isize;
-                    let (from, to) = ((at - half).max(0), (at + half).min(width as isize - 1));
+                    // Steps to the first and the last pixel of the row that is there.
+                    let first = (half - at).max(0) as usize;
+                    let first = first.div_ceil(STEP);
+                    let last = (half + half.min(width as isize - 1 - at)) as usize / STEP;
+                    let from = (at - half) + (first * STEP) as isize;
                     let start = v as usize * width + from as usize;
-                    let first = (from - (at - half)) as usize;
                     let weights = weights[first * w + x..].iter().step_by(w);
-                    let count = (to - from + 1) as usize;
+                    let count = (last - first) * STEP + 1;
                     for (sum, layer) in light[x * layers.len()..].iter_mut().zip(layers) {
                         let mut row = *sum;
                         let neighbours = &layer[start..start + count];
-                        for (light, &weight) in neighbours.iter().zip(weights.clone()) {
+                        let neighbours = neighbours.iter().step_by(STEP);
+                        for (light, &weight) in neighbours.zip(weights.clone()) {
                             for b in 0..BATCHES {
                                 row[b] += weight * light[b];
                             }
@@ -280,6 +298,21 @@ pub(super) struct Inner {
 }
 
 impl Inner {
+    /// As large a part of the larger rectangle, of this height, as lies within so many pixels of this one.
+    pub(super) fn grown(&self, around: usize, height: usize) -> Self {
+        let range = |start: usize, length: usize, end: usize| {
+            let from = start.saturating_sub(around);
+            (from, (start + length + around).min(end) - from)
+        };
+        let (x, w) = range(self.origin.0, self.size.0, self.width);
+        let (y, h) = range(self.origin.1, self.size.1, height);
+        Self {
+            origin: (x, y),
+            size: (w, h),
+            width: self.width,
+        }
+    }
+
     /// Numbers of its pixels in the larger one, row by row.
     pub(super) fn pixels(&self) -> impl Iterator<Item = usize> + Clone + use<> {
         let Self {

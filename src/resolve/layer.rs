@@ -18,7 +18,7 @@ pub(super) const WIDE_RADIUS: usize = 3;
 /// Standard deviations of the smoothed U without bias from which a difference is significant.
 const SIGNIFICANT: f32 = 4.0;
 
-/// Share that counts of a difference that is not.
+/// Share that counts of a difference that is not, at most the U of the wider radius.
 const DOUBTFUL: f32 = 0.4;
 
 /// Radius in pixels of the filter of the shares of candidates.
@@ -169,16 +169,14 @@ fn bias(
             Some(_) => seen_again(size, &differences),
             None => differences.iter().map(|d| squared_difference(*d)).collect(),
         };
-        let significant = match one.doubted {
-            true => significant(size, &smooth, &differences, weights),
-            false => vec![true; smooth.len()],
-        };
+        let most = (one.doubted).then(|| doubtful(size, &smooth, &differences, weights));
         tent(size, RADIUS, &mut smooth);
-        let biases = weighted(&smooth, weights).into_iter().zip(significant);
-        let biases = biases.map(|(bias, significant)| match significant {
-            true => bias,
-            false => DOUBTFUL * bias,
-        });
+        let mut biases = weighted(&smooth, weights);
+        for (bias, most) in biases.iter_mut().zip(most.iter().flatten()) {
+            if *most < f32::INFINITY {
+                *bias = (DOUBTFUL * *bias).min(*most);
+            }
+        }
         for ((all, bias), noise) in all.iter_mut().zip(biases).zip(&variance[anchor]) {
             *all = all.max(bias - kappa * noise);
         }
@@ -186,29 +184,28 @@ fn bias(
     all
 }
 
-/// True where U is no chance of few batches, at one of the [`SCALES`]. Without bias the variance of U is 2 B / (B − 1) times the
-/// square of the variance of the mean of B batches. Without this test a pixel in two hundred takes the picture as it is, by chance.
-fn significant(
-    size: Size,
-    squares: &[Vec3A],
-    differences: &Batches,
-    weights: &[Vec3A],
-) -> Vec<bool> {
+/// Most bias that U shows where it may be a chance of few batches: that of the wider radius. Infinite where U is significant at one of
+/// the [`SCALES`]. Without bias the variance of U is 2 B / (B − 1) times the square of the variance of the mean of B batches. Without
+/// this test a pixel in two hundred takes the picture as it is, by chance.
+fn doubtful(size: Size, squares: &[Vec3A], differences: &Batches, weights: &[Vec3A]) -> Vec<f32> {
     let variances: Vec<Vec3A> = (differences.iter()).map(|d| variance_of_mean(*d)).collect();
     let (squares, variances) = (weighted(squares, weights), weighted(&variances, weights));
     let b = BATCHES as f32;
     let z = SIGNIFICANT * (2.0 * b / (b - 1.0)).sqrt();
-    let mut significant = vec![false; squares.len()];
+    let mut most = vec![0.0f32; squares.len()];
     for (radius, norm) in SCALES {
         let (mut square, mut variance) = (squares.clone(), variances.clone());
         tent(size, radius, &mut square);
         tent(size, radius, &mut variance);
-        let pairs = square.iter().zip(&variance);
-        for (all, (square, variance)) in significant.iter_mut().zip(pairs) {
-            *all |= *square > z * norm * variance;
+        for (most, (square, variance)) in most.iter_mut().zip(square.iter().zip(&variance)) {
+            if *square > z * norm * variance {
+                *most = f32::INFINITY;
+            } else if radius == WIDE_RADIUS {
+                *most = most.max(*square);
+            }
         }
     }
-    significant
+    most
 }
 
 /// Squared differences that something confirms: one of the pixels around shows as much, or the batches of the pixel do without

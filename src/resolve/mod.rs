@@ -78,6 +78,8 @@ struct Limits {
     shared: &'static [f32],
     /// The same of the light of roughened vertices.
     roughened: &'static [f32],
+    /// The same of one more blur, the widest, of the only level.
+    wide: Option<f32>,
     /// κ of both layers: share of the noise of a sharper candidate that a difference must exceed; below 0 noise counts as bias.
     kappa: [f32; 2],
 }
@@ -91,6 +93,7 @@ impl Limits {
             // edges of shadows and textures, and no other level shows what is noise.
             1 => Self {
                 shared: &[],
+                wide: (!all.roughened.is_empty()).then_some(6.0),
                 kappa: all.kappa.map(|kappa| kappa - 0.5),
                 ..all
             },
@@ -108,6 +111,7 @@ impl Limits {
             levels,
             shared,
             roughened,
+            wide: None,
             kappa: [0.0, 0.25],
         }
     }

@@ -1,7 +1,7 @@
 use super::coarse::{Caps, Coarse, Missing};
 use super::filter::tent;
 use super::guide::{Guide, Inner, Surface};
-use super::tiles::TILE;
+use super::tiles::{BASE, STEP, TILE, rest};
 use super::*;
 use crate::image::film::Window;
 use crate::image::level_film::PathLevels;
@@ -383,6 +383,7 @@ fn resolve_in_tiles_has_the_bytes_of_the_whole() {
         h: 31,
     };
     let mut film = LevelFilm::new(frame, window, 4);
+    let mut one = LevelFilm::new(frame, window, 1);
     for index in 0..window.len() {
         for sample in 0..2 * BATCHES as u32 {
             let mut stream = stream(index as u32 * 16 + sample);
@@ -398,6 +399,9 @@ fn resolve_in_tiles_has_the_bytes_of_the_whole() {
                 ),
             };
             film.push(index, sample, &path);
+            // Even light: the widest blur is taken.
+            let levels = &levels[3..];
+            one.push(index, sample, &PathLevels { levels, ..path });
         }
     }
     for settings in ALL {
@@ -411,6 +415,57 @@ fn resolve_in_tiles_has_the_bytes_of_the_whole() {
         for edge in [1, 7, 32] {
             assert_eq!(resolve(&film, limits, edge), whole, "{settings:?} {edge}");
         }
+    }
+    let limits = Limits::of(Resolve::Default, 1);
+    let whole = resolve(&one, limits, TILE);
+    for edge in [1, 7, 32] {
+        assert_eq!(resolve(&one, limits, edge), whole, "one level, {edge}");
+    }
+}
+
+/// A point of light on an even surface, blurred by 1.5 pixels and then in steps, is a Gaussian of 6 pixels.
+#[test]
+fn blur_of_a_blur_in_steps_is_a_wide_gaussian() {
+    let (size, centre, sigma) = (61, 30, 6.0f32);
+    let inner = Inner {
+        origin: (0, 0),
+        size: (size, size),
+        width: size,
+    };
+    let features = vec![[0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 1.0, 5.0, 0.5, 0.5, 0.5]; size * size];
+    let guide = Guide::new((size, size), Surface::Rough, &features);
+    let mut light = vec![[Vec3A::ZERO; BATCHES]; size * size];
+    light[centre * size + centre] = [Vec3A::ONE; BATCHES];
+    let base = guide.blur(BASE, &inner, &[&light]).remove(0);
+    let wide = guide
+        .blur_in_steps::<STEP>(rest(sigma), &inner, &[&base])
+        .remove(0);
+    let at = |x: usize, y: usize| wide[y * size + x][0].x;
+    let (mut sum, mut square) = (0.0, 0.0);
+    for y in 0..size {
+        for x in 0..size {
+            let d = x as f32 - centre as f32;
+            sum += at(x, y);
+            square += at(x, y) * d * d;
+            let mirrored = at(size - 1 - x, size - 1 - y);
+            assert!((at(x, y) - mirrored).abs() < 1e-6 * at(x, y).max(1e-9));
+        }
+    }
+    // Filters end at 2.2 standard deviations, and leave out a tenth of the light and a fifth of its second moment.
+    let deviation = (square / sum).sqrt();
+    assert!((sum - 1.0).abs() < 0.01, "{sum}");
+    assert!(
+        (0.85 * sigma..0.9 * sigma).contains(&deviation),
+        "{deviation}"
+    );
+    // Little trace of the steps: near the centre it falls as the Gaussian does.
+    for d in 0..9 {
+        let expected = (-0.5 * ((d * d) as f32) / (sigma * sigma)).exp();
+        let ratio = at(centre + d, centre) / at(centre, centre);
+        assert!(
+            (ratio / expected - 1.0).abs() < 0.12,
+            "{d}: {ratio} for {expected}"
+        );
     }
 }
 
@@ -799,7 +854,7 @@ fn few_hits_do_not_brighten_what_is_around() {
     let ring = (24..40).flat_map(|x| [at(x, 24), at(x, 40)]);
     let painted = ring.map(|i| shown.pixels[i].x - plain.pixels[i].x);
     let most = painted.fold(0.0, f32::max);
-    assert!(most < 0.07, "{most}");
+    assert!(most < 0.09, "{most}");
 }
 
 /// Far from any light there is nothing to cut, and the cap is a number: blurs of NaN were believed nowhere around.
@@ -908,5 +963,5 @@ fn an_even_floor_has_no_pepper() {
         grains += picture.pixels.iter().filter(|p| lone(p)).count();
     }
     let share = grains as f64 / (8.0 * 64.0 * 64.0);
-    assert!(share < 0.02, "{share}");
+    assert!(share < 0.013, "{share}");
 }

@@ -41,6 +41,8 @@ impl Shared<'_> {
     fn reach(&self) -> u32 {
         let widest = |sigmas: &[f32]| sigmas.iter().map(|&s| reach(s)).max().unwrap_or(0);
         let blur = widest(self.limits.shared).max(widest(self.limits.roughened));
+        let wide = self.limits.wide;
+        let blur = blur.max(wide.map_or(0, |wide| reach(rest(wide)) + reach(BASE)));
         (AROUND + blur.max(2 * MISSING_RADIUS)) as u32
     }
 
@@ -55,6 +57,17 @@ impl Shared<'_> {
         });
         whole.into_inner().expect("no thread panics")
     }
+}
+
+/// Standard deviation of the blur that a wide one is made of.
+pub(super) const BASE: f32 = 1.5;
+
+/// Pixels between those that a wide blur takes: two standard deviations of [`BASE`], so that all count nearly alike.
+pub(super) const STEP: usize = 3;
+
+/// Standard deviation of the blur that makes one of [`BASE`] one of `sigma`.
+pub(super) fn rest(sigma: f32) -> f32 {
+    (sigma * sigma - BASE * BASE).sqrt()
 }
 
 /// The choice of every pixel.
@@ -330,14 +343,23 @@ impl<'a> Part<'a> {
             }
             _ => (1, levels.iter().skip(1).collect()),
         };
-        for &sigma in sigmas {
-            let blurred = guide.blur(sigma, &self.inner, &rough);
+        let wide = self.whole.limits.wide;
+        for sigma in sigmas.iter().copied().chain(wide) {
+            let blurred = match wide {
+                Some(wide) if sigma == wide => vec![self.wide(&guide, wide, rough[0])],
+                _ => guide.blur(sigma, &self.inner, &rough),
+            };
             for (number, light) in blurred.into_iter().enumerate() {
                 let level = number + first;
+                // Narrower blurs have less noise, so that they show a bias better than the picture as it is does.
+                let sharper = match levels.len() {
+                    1 => 0..all.len(),
+                    _ => 0..level + 1,
+                };
                 all.push(Candidate {
                     level: level as u8,
                     light,
-                    sharper: (0..=level).collect(),
+                    sharper: sharper.collect(),
                     // A blur of s pixels averages about 1 + s² of them.
                     missing: noise(level, 1.0 + sigma * sigma),
                     blurred: true,
@@ -347,6 +369,18 @@ impl<'a> Part<'a> {
             }
         }
         all
+    }
+
+    /// A blur of [`BASE`] blurred again, from some of the pixels.
+    fn wide(&self, guide: &Guide, sigma: f32, light: &Batches) -> Batches {
+        let around = self.inner.grown(reach(rest(sigma)), self.size.1);
+        let base = guide.blur(BASE, &around, &[light]).remove(0);
+        let mut blurred = light.clone();
+        for (i, light) in around.pixels().zip(base) {
+            blurred[i] = light;
+        }
+        let wide = guide.blur_in_steps::<STEP>(rest(sigma), &self.inner, &[&blurred]);
+        wide.into_iter().next().unwrap_or_default()
     }
 
     /// Light that every level has missed, by level and pixel.
