@@ -404,12 +404,13 @@ static void opsr_seen_again(int w, int h, float *square, const float *least, flo
             }
 }
 
-/* 1 where a weighted squared difference is no chance of few batches, at one of two radii: above 4 standard deviations of what it is
- * without bias, of which 19/81 and 231/2401 are the filters' share. `square` and `variance` are 3 a pixel. */
-static int opsr_significant(int w, int h, const float *square, const float *variance, const float *weights, float *plane, char *out) {
+/* The most bias that a weighted squared difference shows where it may be a chance of few batches: that of the wider of two radii.
+ * Infinite where it is above 4 standard deviations of what it is without bias, at one of them, of which 19/81 and 231/2401 are the
+ * filters' share. `square` and `variance` are 3 a pixel. */
+static int opsr_doubtful(int w, int h, const float *square, const float *variance, const float *weights, float *plane, float *most) {
     size_t n = (size_t)w * h;
     int failed = 0;
-    memset(out, 0, n);
+    memset(most, 0, n * sizeof(float));
     for (int scale = 0; !failed && scale < 2; scale++) {
         float z = 4.0f * sqrtf(2.0f * OPSR_BATCHES / (OPSR_BATCHES - 1.0f)) * (scale ? 231.0f / 2401.0f : 19.0f / 81.0f);
         for (size_t i = 0; i < n; i++) {
@@ -418,7 +419,10 @@ static int opsr_significant(int w, int h, const float *square, const float *vari
             plane[i * 2 + 1] = (v[0] * a[0] + v[1] * a[1] + v[2] * a[2]) / 3.0f;
         }
         failed = opsr_tent(plane, w, h, 2, scale ? 3 : 1);
-        for (size_t i = 0; i < n; i++) out[i] |= plane[i * 2] > z * plane[i * 2 + 1];
+        for (size_t i = 0; i < n; i++) {
+            if (plane[i * 2] > z * plane[i * 2 + 1]) most[i] = INFINITY;
+            else if (scale) most[i] = fmaxf(most[i], plane[i * 2]);
+        }
     }
     return failed;
 }
@@ -434,8 +438,8 @@ static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count,
     float *least = (float *)malloc(n * sizeof(float)), *found = (float *)malloc(n * 2 * sizeof(float));
     float *spread = (float *)malloc(n * 3 * sizeof(float));
     unsigned char *chosen = (unsigned char *)calloc(n, 1);
-    char *sure = (char *)malloc(n);
-    int failed = !noise || !square || !least_square || !old || !anchors || !bias || !least || !found || !chosen || !spread || !sure;
+    float *most = (float *)malloc(n * sizeof(float));
+    int failed = !noise || !square || !least_square || !old || !anchors || !bias || !least || !found || !chosen || !spread || !most;
     for (size_t i = 0; !failed && i < n; i++) least[i] = INFINITY;
     for (int k = 0; !failed && k < count; k++) {
         for (size_t i = 0; i < n; i++)
@@ -457,15 +461,16 @@ static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count,
                 }
             if (all[k].missing) opsr_seen_again(f->width, f->height, square, least_square, old);
             const float *weights = all[k].dark_side ? dark : own;
-            memset(sure, 1, n);
             /* Roughening is a bias for sure. */
+            for (size_t i = 0; i < n; i++) most[i] = INFINITY;
             if (all[k].blurred && !all[k].missing)
-                failed = opsr_significant(f->width, f->height, square, spread, weights, old, sure);
+                failed = opsr_doubtful(f->width, f->height, square, spread, weights, old, most);
             failed |= opsr_tent(square, f->width, f->height, 3, 1);
             for (size_t i = 0; i < n; i++) {
                 float u = 0.0f;
                 for (int c = 0; c < 3; c++) u += square[i * 3 + c] * weights[i * 3 + c] / 3.0f;
-                bias[i] = fmaxf(bias[i], (sure[i] ? u : 0.4f * u) - kappa * anchors[j * n + i]);
+                if (most[i] < INFINITY) u = fminf(0.4f * u, most[i]);
+                bias[i] = fmaxf(bias[i], u - kappa * anchors[j * n + i]);
             }
         }
         for (size_t i = 0; !failed && i < n; i++) {
@@ -498,7 +503,7 @@ static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count,
         variance[i] += found[i * 2 + 1];
     }
     free(noise); free(square); free(least_square); free(old); free(anchors); free(bias); free(least); free(found); free(chosen);
-    free(spread); free(sure);
+    free(spread); free(most);
     return failed ? -1 : 0;
 }
 
@@ -705,16 +710,16 @@ static void opsr_test_film(float *light, float *features) {
 
 /* Red, green, blue and relative squared error of every 41st pixel of the choice with OPSR_DEFAULT. */
 static const float opsr_test_expected[10][4] = {
-    {0.4547856f, 0.4342728f, 0.4137602f, 3.7010084e-4f},
-    {0.3009705f, 0.2957514f, 0.2905323f, 8.7515370e-4f},
-    {0.4583103f, 0.4374943f, 0.4166782f, 5.3811294e-5f},
-    {0.4536747f, 0.4334043f, 0.4131340f, 2.9498773e-5f},
-    {0.3038206f, 0.2985588f, 0.2932970f, 5.6568114e-4f},
-    {0.4514976f, 0.4310621f, 0.4106266f, 1.7382260e-4f},
-    {0.4551910f, 0.4346586f, 0.4141264f, 9.0058740e-5f},
-    {0.3008809f, 0.2956767f, 0.2904725f, 8.4254128e-4f},
-    {0.3047180f, 0.2991171f, 0.2935163f, 1.5992015e-4f},
-    {0.4804941f, 0.4576509f, 0.4348077f, 9.0077863e-4f},
+    {0.4547853f, 0.4342726f, 0.4137600f, 3.7010037e-4f},
+    {0.3009705f, 0.2957514f, 0.2905323f, 8.7515259e-4f},
+    {0.4576531f, 0.4368371f, 0.4160210f, 4.4856817e-5f},
+    {0.4536692f, 0.4333988f, 0.4131284f, 2.8360897e-5f},
+    {0.3035193f, 0.2982576f, 0.2929958f, 4.9883255e-4f},
+    {0.4514976f, 0.4310620f, 0.4106266f, 1.7382258e-4f},
+    {0.4551950f, 0.4346627f, 0.4141304f, 7.8728808e-5f},
+    {0.3008808f, 0.2956766f, 0.2904724f, 3.5432522e-4f},
+    {0.3047616f, 0.2991607f, 0.2935599f, 1.5992015e-4f},
+    {0.4804944f, 0.4576512f, 0.4348080f, 9.0079592e-4f},
 };
 
 /* 0 if the choice on this machine is the expected one. */
