@@ -267,7 +267,7 @@ METHODS = {
     "vcm": {"integrator": "vcm", "resolve": "default"},
     "auto": {"integrator": "auto", "resolve": "default"},
 }
-SUITES = {"small": ((64, 48), [0.5, 2.0]), "frames": ((256, 192), [15.0])}
+SUITES = {"small": ((64, 48), [0.5, 2.0]), "frames": ((256, 192), [6.0])}
 
 
 def suite(size, times):
