@@ -2,7 +2,7 @@
 """Ten scenes of kinds that nothing was learned or tuned on, as pbrt files, and suites of every method on them.
 
     python3 suites/unseen.py scenes unseen                        # ten files and two suites below the folder unseen
-    python3 suites/unseen.py references unseen [OPSR] [SAMPLES]   # references of raw vcm (256) and the error they have left
+    python3 suites/unseen.py references unseen [OPSR] [SAMPLES]   # references of raw vcm (128) and the error they have left
     opsr bench unseen/small.toml -o small.json                    # 64x48 pixels; frames.toml has 256x192
     python3 suites/auto.py small.json
 
@@ -260,25 +260,22 @@ def greenhouse():
 
 
 SCENES = [sunglasses, hall, coffee_maker, desk_lamp, window, chandelier, bathroom, aquarium, car, greenhouse]
-METHODS = {
-    "path": {"integrator": "path", "resolve": "default"},
-    "levels": {"table": os.path.abspath(os.path.join(os.path.dirname(__file__), "../params/beta-0.001.json")), "levels": [0.0, 0.64, 3.2, 16.0]},
-    "bdpt": {"integrator": "bdpt", "resolve": "default"},
-    "vcm": {"integrator": "vcm", "resolve": "default"},
-    "auto": {"integrator": "auto", "resolve": "default"},
-}
-SUITES = {"small": ((64, 48), [0.5, 2.0]), "frames": ((256, 192), [6.0])}
+# Size, CPU seconds and seeds.
+SUITES = {"small": ((64, 48), [0.5, 2.0], 2), "frames": ((256, 192), [6.0], 1)}
 
 
-def suite(size, times):
-    text = f'baseline = "path"\nseeds = 2\ntimes = {json.dumps(times)}\nclock = "cpu"\n'
+def suite(size, times, seeds):
+    """The methods are those of auto.toml."""
+    here = os.path.dirname(os.path.abspath(__file__))
+    with open(os.path.join(here, "auto.toml")) as file:
+        methods = file.read()
+    methods = methods[methods.index("[[method]]") :].replace('"../', f'"{os.path.dirname(here)}/')
+    text = f'baseline = "path"\nseeds = {seeds}\ntimes = {json.dumps(times)}\nclock = "cpu"\n'
     for make in SCENES:
         name = make.__name__
         text += f'\n[[scene]]\nname = "{name}"\nfile = "{name}.pbrt"\nsize = {list(size)}\nmax_vertices = 14\n'
         text += f'reference = "{name}-{size[0]}.exr"\n'
-    for name, method in METHODS.items():
-        text += f'\n[[method]]\nname = "{name}"\n' + "".join(f"{key} = {json.dumps(value)}\n" for key, value in method.items())
-    return text
+    return text + "\n" + methods
 
 
 def write(folder):
@@ -286,13 +283,13 @@ def write(folder):
     for make in SCENES:
         with open(os.path.join(folder, make.__name__ + ".pbrt"), "w") as file:
             file.write(make())
-    for name, (size, times) in SUITES.items():
+    for name, (size, times, seeds) in SUITES.items():
         with open(os.path.join(folder, name + ".toml"), "w") as file:
-            file.write(suite(size, times))
+            file.write(suite(size, times, seeds))
 
 
 def references(folder, program, samples):
-    for size, _ in SUITES.values():
+    for size, _, _ in SUITES.values():
         for make in SCENES:
             name = make.__name__
             out = os.path.join(folder, f"{name}-{size[0]}.exr")
@@ -310,6 +307,6 @@ if __name__ == "__main__":
         case ["scenes", folder]:
             write(folder)
         case ["references", folder, *rest]:
-            references(folder, rest[0] if rest else "target/release/opsr", int(rest[1]) if len(rest) > 1 else 256)
+            references(folder, rest[0] if rest else "target/release/opsr", int(rest[1]) if len(rest) > 1 else 128)
         case _:
             sys.exit(__doc__)

@@ -418,7 +418,7 @@ fn resolve_in_tiles_has_the_bytes_of_the_whole() {
     }
     let limits = Limits::of(Resolve::Default, 1);
     let whole = resolve(&one, limits, TILE);
-    for edge in [1, 7, 32] {
+    for edge in [7, 32] {
         assert_eq!(resolve(&one, limits, edge), whole, "one level, {edge}");
     }
 }

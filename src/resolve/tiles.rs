@@ -343,12 +343,14 @@ impl<'a> Part<'a> {
             }
             _ => (1, levels.iter().skip(1).collect()),
         };
-        let wide = self.whole.limits.wide;
-        for sigma in sigmas.iter().copied().chain(wide) {
-            let blurred = match wide {
-                Some(wide) if sigma == wide => vec![self.wide(&guide, wide, rough[0])],
-                _ => guide.blur(sigma, &self.inner, &rough),
-            };
+        let blurs = sigmas.iter();
+        let mut blurs: Vec<(f32, Vec<Batches>)> = blurs
+            .map(|&sigma| (sigma, guide.blur(sigma, &self.inner, &rough)))
+            .collect();
+        if let Some(wide) = self.whole.limits.wide {
+            blurs.push((wide, self.wide(&guide, wide, rough[0])));
+        }
+        for (sigma, blurred) in blurs {
             for (number, light) in blurred.into_iter().enumerate() {
                 let level = number + first;
                 // Narrower blurs have less noise, so that they show a bias better than the picture as it is does.
@@ -372,15 +374,14 @@ impl<'a> Part<'a> {
     }
 
     /// A blur of [`BASE`] blurred again, from some of the pixels.
-    fn wide(&self, guide: &Guide, sigma: f32, light: &Batches) -> Batches {
+    fn wide(&self, guide: &Guide, sigma: f32, light: &Batches) -> Vec<Batches> {
         let around = self.inner.grown(reach(rest(sigma)), self.size.1);
         let base = guide.blur(BASE, &around, &[light]).remove(0);
         let mut blurred = light.clone();
         for (i, light) in around.pixels().zip(base) {
             blurred[i] = light;
         }
-        let wide = guide.blur_in_steps::<STEP>(rest(sigma), &self.inner, &[&blurred]);
-        wide.into_iter().next().unwrap_or_default()
+        guide.blur_in_steps::<STEP>(rest(sigma), &self.inner, &[&blurred])
     }
 
     /// Light that every level has missed, by level and pixel.
