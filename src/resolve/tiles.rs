@@ -343,10 +343,8 @@ impl<'a> Part<'a> {
             }
             _ => (1, levels.iter().skip(1).collect()),
         };
-        let blurs = sigmas.iter();
-        let mut blurs: Vec<(f32, Vec<Batches>)> = blurs
-            .map(|&sigma| (sigma, guide.blur(sigma, &self.inner, &rough)))
-            .collect();
+        let blur = |&sigma: &f32| (sigma, guide.blur(sigma, &self.inner, &rough));
+        let mut blurs: Vec<_> = sigmas.iter().map(blur).collect();
         if let Some(wide) = self.whole.limits.wide {
             blurs.push((wide, self.wide(&guide, wide, rough[0])));
         }
