@@ -89,10 +89,8 @@ impl Limits {
     fn of(settings: Resolve, levels: usize) -> Self {
         let all = Self::of_levels(settings);
         match levels {
-            // Shared light is what is seen directly or by way of mirrors and glass: blurs would make discs of its glints. The rest has
-            // edges of shadows and textures, and no other level shows what is noise.
+            // Light of roughened vertices has edges of shadows and textures, and no other level shows what is noise.
             1 => Self {
-                shared: &[],
                 wide: (!all.roughened.is_empty()).then_some(6.0),
                 kappa: all.kappa.map(|kappa| kappa - 0.5),
                 ..all

@@ -911,6 +911,43 @@ fn one_level_makes_no_discs_of_glints_and_fireflies() {
     assert!(near < 1.6, "{near}");
 }
 
+/// Reflections of a sky come in samples as bright as the picture, glints of a lamp in brighter ones: with one level the first are
+/// blurred, and the second stay single pixels.
+#[test]
+fn one_level_blurs_reflections_without_their_glints() {
+    const SIZE: usize = 48;
+    let hit =
+        |b: usize, i: usize, seed: usize, p: f32| stream((seed + i * 8 + b) as u32).next_1d() < p;
+    let sky = |b, i| Rgb::splat(if hit(b, i, 0, 0.2) { 1.0 } else { 0.0 });
+    let glint = |b, i| if hit(b, i, 40_000, 0.004) { 400.0 } else { 0.0 };
+    let show = |seen: &dyn Fn(usize, usize) -> Rgb| {
+        let film = film(SIZE, |_, b, i| Rgb::splat(0.5) + seen(b, i), 1, seen);
+        (resolve_film(&film, Resolve::Default).picture, film.mean(0))
+    };
+    let (shown, raw) = show(&sky);
+    let error = |picture: &Buffer| {
+        let squares = picture.pixels.iter().map(|p| (p.x - 0.7).powi(2));
+        (squares.sum::<f32>() / picture.pixels.len() as f32).sqrt()
+    };
+    assert!(
+        error(&shown) < 0.5 * error(&raw),
+        "{} {}",
+        error(&shown),
+        error(&raw)
+    );
+    let sum = |picture: &Buffer| picture.pixels.iter().map(|p| p.x).sum::<f32>();
+    assert!((sum(&shown) / sum(&raw) - 1.0).abs() < 0.01);
+
+    let (shown, raw) = show(&|b, i| sky(b, i) + Rgb::splat(glint(b, i)));
+    for (shown, raw) in shown.pixels.iter().zip(&raw.pixels) {
+        // The sky is from 0 to 1, so that its blur moves a pixel by less.
+        assert!(
+            (shown.x - raw.x).abs() < 1.0 + 0.01 * raw.x,
+            "{shown} {raw}"
+        );
+    }
+}
+
 /// A square film of one level of two surfaces side by side, with even light and rare bright hits of the left one.
 fn two_surfaces(size: usize, hits: f32) -> LevelFilm {
     let frame = crate::math::UVec2::splat(size as u32);

@@ -20,6 +20,9 @@ const MISSING_RADIUS: usize = 2;
 /// ε of relative errors, where the mean of the picture counts as 0.3.
 const EPSILON: f32 = 0.01;
 
+/// Means of the picture above which a batch of the light that is seen is a glint: no blur of the only level spreads it.
+const GLINT: f32 = 4.0;
+
 /// Pixels around a tile whose candidates its choice depends on: shares of choices, which depend on noise and bias around, and
 /// these on one pixel more.
 const AROUND: usize = 2 * (SHARE_RADIUS + WIDE_RADIUS) + 1;
@@ -266,7 +269,8 @@ impl<'a> Part<'a> {
         (Weights { own, dark }, stated)
     }
 
-    /// The light that all levels share: as it is, and blurred without its fireflies.
+    /// The light that all levels share: as it is, and blurred without its fireflies. With one level these are glints of lamps: they
+    /// stay where they are.
     fn of_shared(&self, light: Batches, features: &[Features]) -> Vec<Candidate> {
         let candidate = |number: usize, light: Batches| Candidate {
             level: 0,
@@ -279,19 +283,30 @@ impl<'a> Part<'a> {
         };
         let mut all = vec![candidate(0, self.inner.of(&light))];
         let sigmas = self.whole.limits.shared;
-        if sigmas.is_empty() {
+        // A blur of nothing is nothing.
+        if sigmas.is_empty() || light.iter().flatten().all(|light| *light == Vec3A::ZERO) {
             return all;
         }
-        let mut capped = light;
-        self.cap(&mut capped);
+        let mut capped = light.clone();
+        let keeps_glints = self.cut.levels() == 1;
+        if keeps_glints {
+            let most = Vec3A::splat(GLINT * 0.3 / self.whole.gain);
+            let batches = capped.iter_mut().flatten();
+            batches.for_each(|light| *light = light.min(most));
+        } else {
+            self.cap(&mut capped);
+        }
         let guide = Guide::new(self.size, Surface::First, features);
         for (number, &sigma) in sigmas.iter().enumerate() {
-            let blurred = guide.blur(sigma, &self.inner, &[&capped]);
-            all.extend(
-                blurred
-                    .into_iter()
-                    .map(|light| candidate(1 + number, light)),
-            );
+            let mut blurred = guide.blur(sigma, &self.inner, &[&capped]).remove(0);
+            if keeps_glints {
+                for (blurred, i) in blurred.iter_mut().zip(self.inner.pixels()) {
+                    for batch in 0..BATCHES {
+                        blurred[batch] += light[i][batch] - capped[i][batch];
+                    }
+                }
+            }
+            all.push(candidate(1 + number, blurred));
         }
         all
     }
