@@ -203,7 +203,7 @@ plant "one level: chance counts as it stands" src/resolve/layer.rs \
 plant "one level: discs of fireflies" src/resolve/tiles.rs \
     's/self\.cap\(&mut only\);//' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
 plant "one level: discs of glints" src/resolve/tiles.rs \
-    's/GLINT: f32 = 4\.0/GLINT: f32 = 4e9/' lib::resolve::tests::one_level_blurs_reflections_without_their_glints
+    's/GLINT: f32 = 1\.2/GLINT: f32 = 1e9/' lib::resolve::tests::one_level_blurs_reflections_without_their_glints
 plant "film: no light counts as wrong" crates/frames/src/average.rs \
     's/difference - wide\.variance_of_difference\(narrow\)/-wide.variance_of_difference(narrow)/' \
     frames::tests::moving_shadow_is_not_smeared

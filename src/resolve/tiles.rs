@@ -20,8 +20,8 @@ const MISSING_RADIUS: usize = 2;
 /// ε of relative errors, where the mean of the picture counts as 0.3.
 const EPSILON: f32 = 0.01;
 
-/// Means of the picture above which a batch of the light that is seen is a glint: no blur of the only level spreads it.
-const GLINT: f32 = 4.0;
+/// Light of a batch above which it is a glint, where the mean of the picture counts as 0.3: no blur of the only level spreads it.
+const GLINT: f32 = 1.2;
 
 /// Pixels around a tile whose candidates its choice depends on: shares of choices, which depend on noise and bias around, and
 /// these on one pixel more.
@@ -290,7 +290,7 @@ impl<'a> Part<'a> {
         let mut capped = light.clone();
         let keeps_glints = self.cut.levels() == 1;
         if keeps_glints {
-            let most = Vec3A::splat(GLINT * 0.3 / self.whole.gain);
+            let most = Vec3A::splat(GLINT / self.whole.gain);
             let batches = capped.iter_mut().flatten();
             batches.for_each(|light| *light = light.min(most));
         } else {
