@@ -63,11 +63,11 @@ impl Draft {
         let (mean, variance) = match &picture.levels {
             Some(levels) if contender.has_levels() => {
                 let resolved = resolve_film(levels, Resolve::default());
-                let absolute = |(m, e): (&Rgb, f32)| {
+                let absolute = |(m, square): (&Rgb, f32)| {
                     let squared = m.as_dvec3().length_squared() / 3.0 + EPSILON;
-                    f64::from(samples) * f64::from(e) * f64::from(e) * squared
+                    f64::from(samples) * f64::from(square) * squared
                 };
-                let pixels = resolved.picture.pixels.iter().zip(resolved.error());
+                let pixels = resolved.picture.pixels.iter().zip(resolved.squares());
                 let variance = pixels.map(absolute).collect();
                 (grey(&resolved.picture), variance)
             }

@@ -15,7 +15,6 @@ use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Amounts, Estimator, Picture, Settings, View};
 use crate::math::UVec2;
 use crate::regularise::Rule;
-use crate::resolve::film_errors;
 use crate::sampler::{Domain, SamplerKind, Seed};
 use crate::scene::medium::Media;
 use std::fmt;
@@ -52,15 +51,10 @@ pub struct Missing {
 }
 
 impl Missing {
-    /// Expected errors of the pixels of a film, with what is missing; none where the film cannot tell its own.
-    pub fn errors(&self, film: &Film) -> Option<Vec<f32>> {
-        film_errors(film).map(|errors| self.beside(errors))
-    }
-
     /// Expected errors of pixels, with what is missing.
     pub fn beside(&self, mut errors: Vec<f32>) -> Vec<f32> {
         let pairs = errors.iter_mut().zip(&self.squares);
-        pairs.for_each(|(error, square)| *error = (*error * *error + square).sqrt());
+        pairs.for_each(|(error, square)| *error = (*error + square.sqrt()).min(1.0));
         errors
     }
 

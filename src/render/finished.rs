@@ -95,7 +95,7 @@ impl Shown {
         }
     }
 
-    /// Stated error of the picture, with the light that a witness found missing; its root is the root mean square of
+    /// Stated error of the picture, with the light that a witness found missing; its mean is that of
     /// [`errors`](Self::errors). A denoised picture of one level states the error before it was denoised.
     pub fn statement(&self, film: &Film, missing: Option<&Missing>) -> Statement {
         let own = match &self.resolved {

@@ -131,10 +131,22 @@ pub struct Resolved {
 }
 
 impl Resolved {
-    /// Estimated relative error of every pixel: the root of the relMSE to be expected, without a reference.
+    /// Error map: the relative error to be expected of every pixel, without a reference. Its mean is the average error of the
+    /// [statement](Self::statement), to what the border adds.
     pub fn error(&self) -> Vec<f32> {
+        let pixels = &self.picture.pixels;
+        if pixels.iter().all(|p| *p == Rgb::ZERO) {
+            return vec![1.0; pixels.len()];
+        }
+        let errors = statement::errors_of_resolved(pixels, &self.noise);
+        statement::map(self.picture.size(), errors)
+    }
+
+    /// Squared relative error to be expected of every pixel, bias and variance; their mean is the squared root of the
+    /// [statement](Self::statement).
+    pub fn squares(&self) -> impl Iterator<Item = f32> {
         let pairs = self.bias2.iter().zip(&self.variance);
-        pairs.map(|(b, v)| (b + v).sqrt()).collect()
+        pairs.map(|(b, v)| b + v)
     }
 
     /// True if the film had an estimate of its noise.
@@ -153,7 +165,7 @@ impl Resolved {
         layers
     }
 
-    /// Stated error of the picture, 1 if it is black; its root is the root mean square of [`Resolved::error`].
+    /// Stated error of the picture, 1 if it is black.
     pub fn statement(&self) -> Statement {
         if self.variance.contains(&f32::INFINITY) {
             return Statement::UNKNOWN;
@@ -161,8 +173,7 @@ impl Resolved {
         if self.picture.pixels.iter().all(|p| *p == Rgb::ZERO) {
             return Statement::BLACK;
         }
-        let pairs = self.bias2.iter().zip(&self.variance);
-        let squares = pairs.map(|(b, v)| f64::from(b + v));
+        let squares = self.squares().map(f64::from);
         Statement::of_resolved(squares, &self.picture.pixels, &self.noise)
     }
 }

@@ -10,9 +10,13 @@
 //! about 1, whatever the hits bring. So the brightness is pooled over the smallest block of pixels, of 2, 4, 8 and so on a
 //! side, whose mean is known to half of itself. A picture that is black has an error of 1: nothing was met, which
 //! says nothing about what is there.
+//!
+//! **The error map** is the average error pixel by pixel. The noise of a pixel is that of three differences of its halves, and chance
+//! makes some of them small. So the map is smoothed by a tent of two pixels, which keeps its mean.
 
+use super::filter::{Size, tent};
 use crate::image::film::Film;
-use crate::image::metric::pixel::{EPSILON, mean_relative};
+use crate::image::metric::pixel::{EPSILON, mean_of, relative_errors};
 use crate::math::moments::Moments;
 use crate::math::{DVec3, Rgb};
 
@@ -27,12 +31,15 @@ const SHARED: f64 = 1.65;
 /// The same over the noise that the variance of raw means shows, without blurs and roughening.
 const UNMET: f64 = 1.1;
 
-/// Average error over what it was, where the noise of a picture is this part of what it was and nothing else has changed; of a picture
-/// that was `chosen` among levels and blurs, or of raw means. The square of what is stated beyond noise is what stays.
-pub fn error_of_less_noise(noise: f64, chosen: bool) -> f64 {
+/// Average error over what it was, where the variance of a picture is this part of what it was and nothing else has changed; of a
+/// picture that was `chosen` among levels and blurs, or of raw means. The square of what is stated beyond noise is what stays.
+pub fn error_of_less_noise(variance: f64, chosen: bool) -> f64 {
     let stated: f64 = if chosen { SHARED } else { UNMET };
-    (1.0 + (noise * noise - 1.0) / (stated * stated)).sqrt()
+    (1.0 + (variance - 1.0) / (stated * stated)).sqrt()
 }
+
+/// Radius in pixels at which the error map is smoothed.
+const RADIUS: usize = 1;
 
 /// Mean absolute value over standard deviation, of normal numbers: √(2/π).
 const ABSOLUTE: f64 = 0.797_884_560_8;
@@ -85,9 +92,7 @@ impl Statement {
         picture: &[Rgb],
         noise: &[f32],
     ) -> Self {
-        let noise = noise.iter().map(|&noise| SHARED * f64::from(noise));
-        let light = picture.iter().map(|p| f64::from(p.element_sum()));
-        Self::of(squares, mean_relative(light, noise))
+        Self::of(squares, mean_of(errors_of_resolved(picture, noise)))
     }
 
     /// Average error that is not exceeded by chance: as far above it as the root is below two standard errors of its square.
@@ -124,23 +129,41 @@ pub fn film_error(film: &Film) -> Statement {
     match state(film) {
         State::Unknown => Statement::UNKNOWN,
         State::Black => Statement::BLACK,
-        State::Lit => {
-            let light = film.pixels.iter().map(|m| m.mean.element_sum());
-            let deviation = |m: &Moments| m.variance_of_mean().map(f64::sqrt).element_sum();
-            let noise = (film.pixels.iter()).map(|m| UNMET * ABSOLUTE * deviation(m));
-            Statement::of(squares(film).into_iter(), mean_relative(light, noise))
-        }
+        State::Lit => Statement::of(squares(film).into_iter(), mean_of(errors_of_film(film))),
     }
 }
 
-/// Expected relative error of every pixel of a film of one level, of whichever integrator: their root mean square is the
-/// [stated error](film_error). `None` where there are too few samples to tell. The bias of merges is no part of it.
+/// Error map of a film of one level, of whichever integrator: the relative error to be expected of every pixel. Its mean is the
+/// [average error](film_error), to what the border adds. `None` where there are too few samples to tell. The bias of merges is no part of it.
 pub fn film_errors(film: &Film) -> Option<Vec<f32>> {
+    let size = (film.window.w as usize, film.window.h as usize);
     match state(film) {
         State::Unknown => None,
         State::Black => Some(vec![1.0; film.pixels.len()]),
-        State::Lit => Some(squares(film).iter().map(|x| x.sqrt() as f32).collect()),
+        State::Lit => Some(map(size, errors_of_film(film))),
     }
+}
+
+/// The error map, from expected relative errors of pixels.
+pub(super) fn map(size: Size, errors: impl Iterator<Item = f64>) -> Vec<f32> {
+    let mut errors = errors.map(|error| error as f32).collect::<Vec<_>>();
+    tent(size, RADIUS, &mut errors);
+    errors
+}
+
+/// Relative errors to be expected of the pixels of a picture of this mean absolute noise.
+pub(super) fn errors_of_resolved(picture: &[Rgb], noise: &[f32]) -> impl Iterator<Item = f64> {
+    let light = picture.iter().map(|p| f64::from(p.element_sum()));
+    let noise = noise.iter().map(|&noise| SHARED * f64::from(noise));
+    relative_errors(light, noise)
+}
+
+/// The same of raw means.
+fn errors_of_film(film: &Film) -> impl Iterator<Item = f64> {
+    let light = film.pixels.iter().map(|m| m.mean.element_sum());
+    let deviation = |m: &Moments| m.variance_of_mean().map(f64::sqrt).element_sum();
+    let noise = (film.pixels.iter()).map(move |m| UNMET * ABSOLUTE * deviation(m));
+    relative_errors(light, noise)
 }
 
 /// Knowledge of a film about itself.

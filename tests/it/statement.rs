@@ -3,11 +3,11 @@
 use super::support::render::{film, scene};
 use opsr::image::film::Window;
 use opsr::image::level_film::{FEATURES, LevelFilm, PathLevels};
-use opsr::image::metric::mean_relative_error;
+use opsr::image::metric::{mean_relative_error, relative_error_map};
 use opsr::image::{Buffer, Film};
 use opsr::math::{DVec3, Rgb, UVec2};
 use opsr::regularise::Rule;
-use opsr::resolve::{Resolve, film_error, resolve_film};
+use opsr::resolve::{Resolve, film_error, film_errors, resolve_film};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr_lab::gallery::builtin;
 
@@ -163,4 +163,63 @@ fn mean_relative_error_has_no_scale() {
     let black = Buffer::from_fn(16, 16, |_, _| Rgb::ZERO);
     assert_eq!(error(&black, &black), 0.0);
     assert!(error(&black, &reference) > 0.9);
+}
+
+/// The error map is the stated error pixel by pixel: of raw means and of the choice its mean is the average error, and tiles of more noise
+/// are those of more error.
+#[test]
+fn error_map_has_the_mean_that_is_stated() {
+    let size = UVec2::new(48, 32);
+    let truth = |i: usize| 0.2 + (i % 48) as f32 / 48.0;
+    // Eight times the noise on the right.
+    let spread = |i: usize| if i % 48 < 24 { 0.05 } else { 0.4 };
+    let mut levels = LevelFilm::new(size, Window::full(size), 1);
+    let mut film = Film::new(size);
+    let mut stream = Independent { seed: Seed(3) }.stream(UVec2::ZERO, 0);
+    for pixel in 0..(size.x * size.y) as usize {
+        for sample in 0..16 {
+            let noise = (0..12).map(|_| stream.next_1d()).sum::<f32>() - 6.0;
+            let light = Rgb::splat((truth(pixel) + spread(pixel) * noise).max(0.0));
+            let path = PathLevels {
+                levels: &[light],
+                shared: Rgb::ZERO,
+                features: [0.0; FEATURES],
+            };
+            levels.push(pixel, sample, &path);
+            film.push(pixel, light, sample);
+        }
+    }
+    let resolved = resolve_film(&levels, Resolve::Sharp);
+    let raw = film_errors(&film).expect("16 samples");
+    let reference = Buffer {
+        pixels: (0..raw.len()).map(|i| Rgb::splat(truth(i))).collect(),
+        ..resolved.picture.clone()
+    };
+    let maps = [
+        (raw, film_error(&film).mean, film.mean()),
+        (
+            resolved.error(),
+            resolved.statement().mean,
+            resolved.picture,
+        ),
+    ];
+    for (map, stated, picture) in maps {
+        let mean = map.iter().sum::<f32>() / map.len() as f32;
+        assert!(
+            (f64::from(mean) / stated - 1.0).abs() < 0.01,
+            "{mean} {stated}"
+        );
+        let truth = relative_error_map(&picture, &reference).expect("one size");
+        for side in [0, 24] {
+            let inside = (0..map.len()).filter(|i| (side..side + 24).contains(&(i % 48)));
+            let sums = inside.fold((0.0, 0.0), |(m, t), i| {
+                (m + f64::from(map[i]), t + truth[i])
+            });
+            // What is stated beyond noise is for bias, which is not here.
+            let ratio = sums.0 / sums.1;
+            assert!((0.95..1.9).contains(&ratio), "{side}: {ratio}");
+        }
+    }
+    let black = Film::new(size);
+    assert_eq!(film_errors(&black), None);
 }

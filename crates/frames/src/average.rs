@@ -1,6 +1,7 @@
 //! Windows of a pixel, and the choice among them.
 //!
-//! With v_g the light of a surface in frame g, w_g the share of it that is seen there, and s_g the variance that the error map states,
+//! With v_g the light of a surface in frame g, w_g the share of it that is seen there, and s_g the variance that the frame states, by
+//! its error map and its squared errors, the larger one,
 //!
 //! ```text
 //! W_r  = Σ w_g v_g / Σ w_g                              over the frames within r of this one; w = 1 for its own
@@ -114,10 +115,18 @@ pub(crate) fn variance(frame: &Frame) -> Vec<f32> {
         values: frame.picture.pixels.iter().map(|p| grey(*p)).collect(),
     };
     let brightness = brightness.box_filtered(1).values;
-    let error = |i: usize| frame.error.get(i).map_or(UNKNOWN, |e| e.min(UNKNOWN));
+    // A bright sample is in the squares, which are not smoothed.
+    let square = |i: usize| {
+        let error = frame.error.get(i).map_or(UNKNOWN, |e| e.min(UNKNOWN));
+        let square = frame
+            .squares
+            .get(i)
+            .map_or(0.0, |s| s.min(UNKNOWN * UNKNOWN));
+        square.max(error * error)
+    };
     let pixels = brightness.iter().enumerate();
     pixels
-        .map(|(i, light)| NOISE * error(i).powi(2) * (light * light + dark * dark))
+        .map(|(i, light)| NOISE * square(i) * (light * light + dark * dark))
         .collect()
 }
 
@@ -208,14 +217,13 @@ fn motion(frames: &[(&Frame, &[f32])], f: usize, forward: bool) -> Vec<Vec2> {
 /// Pairs of a window and a narrower one.
 const PAIRS: [(usize, usize); 6] = [(1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2)];
 
-/// The error map of the average, and its sum over that of the frame alone: the bias of the frame stays, its noise has this ratio.
+/// The error map of the average, and its sum over that of the frame alone. The variance of every pixel has this ratio.
 fn reduced_error(frame: &Frame, ratio: impl Fn(usize) -> f32) -> (Vec<f32>, f64) {
     let reduced = |(i, error): (usize, &f32)| {
-        let bias2 = frame.bias2.get(i).map_or(0.0, |b| b.min(error * error));
-        (bias2 + (error * error - bias2) * ratio(i)).sqrt()
+        error * error_of_less_noise(f64::from(ratio(i)), !frame.squares.is_empty()) as f32
     };
     let error: Vec<f32> = frame.error.iter().enumerate().map(reduced).collect();
-    let total = |errors: &[f32]| errors.iter().map(|e| f64::from(e.min(1.0))).sum::<f64>();
+    let total = |errors: &[f32]| errors.iter().map(|&e| f64::from(e)).sum::<f64>();
     let reduced = match total(&frame.error) {
         before if before > 0.0 && before.is_finite() => total(&error) / before,
         _ => 1.0,
@@ -304,7 +312,7 @@ pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool)
         own if own > 0.0 => (squared_error(i, chosen[i]) / own).min(1.0),
         _ => 1.0,
     };
-    let (error, reduced) = reduced_error(frame, ratio);
+    let (error, error_ratio) = reduced_error(frame, ratio);
     Averaged {
         picture: Buffer {
             width,
@@ -317,6 +325,6 @@ pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool)
             true => motion(frames, f, forward),
             false => Vec::new(),
         }),
-        error_ratio: error_of_less_noise(reduced, !frame.bias2.is_empty()),
+        error_ratio,
     }
 }

@@ -22,8 +22,9 @@ pub struct Frame {
     pub picture: Buffer,
     /// Expected relative error of every pixel, as files hold it; empty where it is not known.
     pub error: Vec<f32>,
-    /// The part of its square that is bias, which no average reduces; empty for none.
-    pub bias2: Vec<f32>,
+    /// Squared relative error of every pixel to be expected, as relMSE counts it, of a picture that was chosen among levels and blurs:
+    /// some of its error is bias, which no average reduces. Empty for raw means.
+    pub squares: Vec<f32>,
     /// The first surfaces.
     pub surfaces: Surfaces,
     /// Layers that the averaged frame keeps.

@@ -64,7 +64,7 @@ fn frame(number: u32, shift: f32, noise: f32, light: impl Fn(Vec3) -> f32) -> Fr
             pixels: (0..count).map(pixel).collect(),
         },
         error: vec![noise; count],
-        bias2: Vec::new(),
+        squares: Vec::new(),
         surfaces: Surfaces {
             points: points.collect(),
             before: None,
@@ -140,7 +140,7 @@ fn noise_of_a_still_light_is_divided() {
             f64::from(middle.error.iter().map(|e| e * e).sum::<f32>()) / middle.error.len() as f64;
         let ratio = stated / f64::from(square);
         assert!((0.5..4.0).contains(&ratio), "{shift}: {ratio}");
-        let noise = (stated / 0.09).sqrt();
+        let noise = f64::from(square / 0.09).sqrt();
         assert!(
             middle.error_ratio > noise && middle.error_ratio < 0.7,
             "{} {noise}",
@@ -207,6 +207,26 @@ fn what_other_frames_do_not_see_is_left_alone() {
     for pixel in [hidden, hidden + 10] {
         assert!((all[4].picture.pixels[pixel].x - own.pixels[pixel].x).abs() < 1e-4);
     }
+}
+
+/// A bright sample is in the squares of a frame alone, and is averaged away.
+#[test]
+fn bright_samples_are_noise() {
+    let pixel = 12 * SIZE.x as usize + 24;
+    let frames = |bright: bool| {
+        (0..9).map(move |k| {
+            let mut frame = frame(k, 0.0, 0.02, smooth);
+            frame.squares = vec![0.02 * 0.02; frame.error.len()];
+            if bright && k == 4 {
+                frame.picture.pixels[pixel] = Rgb::splat(4.0);
+                frame.squares[pixel] = 4.0;
+            }
+            frame
+        })
+    };
+    let [still, bright] = [false, true].map(|bright| averaged(frames(bright)));
+    let [still, bright] = [&still[4], &bright[4]].map(|all| all.picture.pixels[pixel].x);
+    assert!(bright - still < 0.6, "{bright} beside {still}");
 }
 
 /// Between the pixels of another frame light is mixed, and a surface that is hidden there, or bent or painted otherwise, is not seen.

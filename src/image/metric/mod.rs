@@ -20,7 +20,8 @@ use serde::Serialize;
 use super::Buffer;
 
 pub use pixel::{
-    Worst, energy_ratio, mape, mean_relative_error, mse, relmse, relmse_trimmed, rmse, smape, worst,
+    Worst, energy_ratio, mape, mean_relative_error, mse, relative_error_map, relmse,
+    relmse_trimmed, rmse, smape, worst,
 };
 pub use seeds::{BiasVariance, bias_variance};
 

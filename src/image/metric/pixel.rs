@@ -93,16 +93,26 @@ pub fn mape(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
 /// Σ|I − f| / (Σf + 3ε), at most 1 each. Sums are over red, green and blue, ε is a thirtieth of the mean radiance of the reference,
 /// so that the number does not depend on the exposure.
 pub fn mean_relative_error(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
-    check(test, reference)?;
-    let light = reference.pixels.iter().map(|f| f.as_dvec3().element_sum());
-    let pairs = test.pixels.iter().zip(&reference.pixels);
-    let errors = pairs.map(|(i, f)| (i.as_dvec3() - f.as_dvec3()).abs().element_sum());
+    let errors = relative_error_map(test, reference)?;
     Ok(Metric::new(
         "mean relative error",
         "mean min(1, Σ|I − f| / (Σf + 3ε))",
-        &[("ε", floor(light.clone()) / 3.0)],
-        mean_relative(light, errors),
+        &[("ε", floor(light(reference)) / 3.0)],
+        mean_of(errors.into_iter()),
     ))
+}
+
+/// The same pixel by pixel.
+pub fn relative_error_map(test: &Buffer, reference: &Buffer) -> Result<Vec<f64>, MetricError> {
+    check(test, reference)?;
+    let pairs = test.pixels.iter().zip(&reference.pixels);
+    let errors = pairs.map(|(i, f)| (i.as_dvec3() - f.as_dvec3()).abs().element_sum());
+    Ok(relative_errors(light(reference), errors).collect())
+}
+
+/// Light of the pixels, the channels added up.
+fn light(picture: &Buffer) -> impl Iterator<Item = f64> + Clone {
+    picture.pixels.iter().map(|f| f.as_dvec3().element_sum())
 }
 
 /// 3ε of [`mean_relative_error`], from the light of all pixels, the channels added up.
@@ -111,19 +121,22 @@ fn floor(light: impl Iterator<Item = f64>) -> f64 {
     sum / (30 * count.max(1)) as f64
 }
 
-/// [`mean_relative_error`] of pixels of this light and these absolute errors, the channels of each added up.
-pub(crate) fn mean_relative(
+/// Terms of [`mean_relative_error`], those of pixels of this light and these absolute errors, the channels of each added up.
+pub(crate) fn relative_errors(
     light: impl Iterator<Item = f64> + Clone,
     errors: impl Iterator<Item = f64>,
-) -> f64 {
+) -> impl Iterator<Item = f64> {
     let floor = floor(light.clone());
-    let of_pixel = |(light, error): (f64, f64)| match error {
+    light.zip(errors).map(move |(light, error)| match error {
         // Without light and error the quotient is not a number.
         0.0 => 0.0,
         _ => (error / (light.max(0.0) + floor)).min(1.0),
-    };
-    let (sum, count) =
-        (light.zip(errors).map(of_pixel)).fold((0.0, 0u64), |(s, n), x| (s + x, n + 1));
+    })
+}
+
+/// Mean of numbers, 0 of none.
+pub(crate) fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0u64), |(s, n), x| (s + x, n + 1));
     sum / count.max(1) as f64
 }
 

@@ -183,8 +183,13 @@ fn read_frame(path: &Path, number: u32, mut read: Layers, camera: Camera) -> any
         .filter_map(|(_, layer, channels)| read.take(layer, channels));
     let layers = layers.collect();
     let mut plane = |name: &str| read.channels.remove(name).unwrap_or_default();
-    let (error, bias2) = (plane("error"), plane("bias2"));
-    if error.iter().chain(&bias2).any(|x| x.is_nan() || *x < 0.0) {
+    let error = plane("error");
+    let mut squares = plane("variance");
+    squares
+        .iter_mut()
+        .zip(plane("bias2"))
+        .for_each(|(s, b)| *s += b);
+    if error.iter().chain(&squares).any(|x| x.is_nan() || *x < 0.0) {
         return Err(at("a stated error is not a number"));
     }
     Ok(Frame {
@@ -194,7 +199,7 @@ fn read_frame(path: &Path, number: u32, mut read: Layers, camera: Camera) -> any
         camera,
         picture,
         error,
-        bias2,
+        squares,
         surfaces: Surfaces::default(),
         layers,
         metadata: of_render(read.metadata),

@@ -361,7 +361,7 @@ fn frame(request: &Request<'_>, finished: &Finished<'_>, number: u32) -> Frame {
         camera: request.camera.clone(),
         picture: shown.picture.clone(),
         error: shown.errors(film, missing).unwrap_or_default(),
-        bias2: resolved.map_or(Vec::new(), |resolved| resolved.bias2.clone()),
+        squares: resolved.map_or(Vec::new(), |resolved| resolved.squares().collect()),
         surfaces: Surfaces::default(),
         layers: outcome.aovs.clone(),
         metadata: of_render(finished.metadata()),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use opsr::image::Buffer;
 use opsr::image::film::Window;
 use opsr::image::metric::{self, MetricError, flip, pixel::EPSILON};
-use opsr::math::{Rgb, UVec2};
+use opsr::math::UVec2;
 use opsr::resolve::Resolved;
 
 /// All errors of a picture by name.
@@ -27,20 +27,19 @@ pub fn errors(
 }
 
 /// Pixels a side of the tiles on which an error map is compared with the true error.
-const MAP_TILE: u32 = 32;
+const MAP_TILE: u32 = 8;
 
-/// The estimated error of a picture against its true one, on tiles: the geometric mean of estimated over true root mean
-/// square error, and Spearman's rank correlation of the two. Errors are relative as [`Resolved`]'s are.
-pub fn error_map(resolved: &Resolved, reference: &Buffer) -> [(String, f64); 2] {
+/// The error map of a picture against its true error, the [mean relative error](metric::mean_relative_error) of tiles: the geometric mean of
+/// stated over true, and Spearman's rank correlation of the two.
+pub fn error_map(
+    resolved: &Resolved,
+    reference: &Buffer,
+) -> Result<[(String, f64); 2], MetricError> {
     let picture = &resolved.picture;
-    let mut sum = Rgb::ZERO;
-    reference.pixels.iter().for_each(|p| sum += *p);
-    let gain = 0.3 / (sum.element_sum() / (3 * reference.pixels.len()) as f32).max(1e-30);
-    let truth = |i: usize| -> f64 {
-        let (p, r) = (picture.pixels[i] * gain, reference.pixels[i] * gain);
-        let error = (p - r) * (p - r) / (r * r + 0.01);
-        f64::from(error.element_sum()) / 3.0
-    };
+    let (map, truth) = (
+        resolved.error(),
+        metric::relative_error_map(picture, reference)?,
+    );
     let whole = Window::full(UVec2::new(picture.width as u32, picture.height as u32));
     let (estimates, truths): (Vec<f64>, Vec<f64>) = whole
         .tiles(MAP_TILE)
@@ -51,25 +50,24 @@ pub fn error_map(resolved: &Resolved, reference: &Buffer) -> [(String, f64); 2] 
                 (tile.x..tile.x + tile.w).map(move |x| y as usize * picture.width + x as usize)
             });
             pixels.fold((0.0, 0.0), |(e, t), i| {
-                let estimate = f64::from(resolved.bias2[i] + resolved.variance[i]);
-                (e + estimate, t + truth(i))
+                (e + f64::from(map[i]), t + truth[i])
             })
         })
         .unzip();
     let pairs = || estimates.iter().zip(&truths);
     let logs: Vec<f64> = pairs()
         .filter(|(e, t)| **e > 0.0 && **t > 0.0)
-        .map(|(e, t)| 0.5 * (e / t).ln())
+        .map(|(e, t)| (e / t).ln())
         .collect();
     let ratio = (logs.iter().sum::<f64>() / logs.len().max(1) as f64).exp();
     let (a, b) = (ranks(&estimates), ranks(&truths));
     let mean = (a.len() as f64 - 1.0) / 2.0;
     let product: f64 = a.iter().zip(&b).map(|(x, y)| (x - mean) * (y - mean)).sum();
     let square: f64 = a.iter().map(|x| (x - mean) * (x - mean)).sum();
-    [
+    Ok([
         ("error map ratio".to_owned(), ratio),
         ("error map rank".to_owned(), product / square.max(1e-30)),
-    ]
+    ])
 }
 
 /// Rank of every value, from 0.

@@ -456,8 +456,8 @@ impl Look<'_> {
             .map_err(|e: MetricError| e.to_string())?;
         if let Some(resolved) = resolved.filter(|r| r.picture == shown) {
             // Of fewer samples than batches the estimate is infinite.
-            let map = error_map(&resolved, self.reference).into_iter();
-            errors.extend(map.filter(|(_, value)| value.is_finite()));
+            let map = error_map(&resolved, self.reference).map_err(|e| e.to_string())?;
+            errors.extend(map.into_iter().filter(|(_, value)| value.is_finite()));
         }
         let mut point = now.clone();
         if picture.levels.is_some() || denoiser.is_some() {

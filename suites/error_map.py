@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+"""What renders state of their error, beside the truth: the number, and the map of the layer `error`.
+
+    python3 suites/unseen.py scenes unseen && python3 suites/unseen.py references unseen
+    OPSR=target/release/opsr python3 suites/error_map.py unseen 64x48 8,32,128
+
+A line for each method and number of samples, over the scenes of the folder: the geometric mean of FLIP; stated over true error, least,
+median, most, and how many are within 0.67 to 1.5; Spearman's rank correlation of the map with the true error of pixels and of tiles of 8
+pixels; the share of the tiles whose map is within 0.67 to 1.5 of their true error. What the reference errs is taken from the true error of a
+picture, as variances are; pictures that err less than twice as much are left out of `stated`. Needs numpy and OpenEXR.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+
+PROGRAM = os.environ.get("OPSR", "target/release/opsr")
+METHODS = {
+    "no option": [],
+    "vcm": ["--integrator", "vcm"],
+    "path": ["--integrator", "path"],
+    "levels": ["--integrator", "path", "--opsr-table", "beta-0.001"],
+    "raw path": ["--integrator", "path", "--resolve", "raw"],
+    "raw vcm": ["--integrator", "vcm", "--resolve", "raw"],
+}
+TILE = 8
+
+
+def read(path):
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = {name: np.array(channel.pixels, float) for name, channel in file.channels().items()}
+    return np.stack([channels[c] for c in "RGB"], -1), channels.get("error")
+
+
+def tiles(plane):
+    height, width = (n - n % TILE for n in plane.shape)
+    return plane[:height, :width].reshape(height // TILE, TILE, width // TILE, TILE).mean((1, 3))
+
+
+def rank_correlation(a, b):
+    ranks = [np.argsort(np.argsort(x.ravel(), kind="stable")) for x in (a, b)]
+    return np.corrcoef(*ranks)[0, 1]
+
+
+def measured(picture, reference):
+    report = str(picture) + ".compare.json"
+    subprocess.run([PROGRAM, "compare", picture, reference, "--json", report], check=True, capture_output=True)
+    return {m["name"]: m["value"] for m in json.loads(Path(report).read_text())["entries"][0]["metrics"]}
+
+
+def main(folder, size, counts, seed="9"):
+    scenes = sorted(Path(folder).glob("*.pbrt"))
+    for name, method in METHODS.items():
+        for samples in counts.split(","):
+            flips, stated, ranks, within = [], [], [], []
+            for scene in scenes:
+                reference = scene.with_name(f"{scene.stem}-{size.split('x')[0]}.exr")
+                with tempfile.TemporaryDirectory() as place:
+                    picture, stats = Path(place) / "a.exr", Path(place) / "a.json"
+                    options = ["--size", size, "--spp", samples, "--seed", seed, "--max-vertices", "14", "--progress", "none"]
+                    command = [PROGRAM, "render", scene, *options, *method, "--stats", stats, "-o", picture]
+                    subprocess.run(command, check=True, capture_output=True)
+                    metrics, said = measured(picture, reference), json.loads(stats.read_text())["mean_relative_error"]
+                    flips.append(metrics["FLIP"])
+                    (image, error), (truth, _) = read(picture), read(reference)
+                own = json.loads(Path(f"{reference}.json").read_text())["mean_relative_error"]
+                true = metrics["mean relative error"]
+                if said is None or error is None:
+                    continue
+                if own < 0.5 * true:
+                    stated.append(said / np.sqrt(true**2 - own**2))
+                actual = np.minimum(1, abs(image - truth).sum(-1) / (truth.sum(-1) + truth.mean() / 10))
+                ranks.append((rank_correlation(actual, error), rank_correlation(tiles(actual), tiles(error))))
+                ratio = tiles(error) / np.maximum(tiles(actual), 1e-9)
+                within.append(np.mean((ratio > 1 / 1.5) & (ratio < 1.5)))
+            line = f"{name}, {samples} samples: FLIP {np.exp(np.mean(np.log(flips))):.4f}"
+            if stated:
+                inside = sum(1 / 1.5 < x < 1.5 for x in stated)
+                pixels, of_tiles = np.mean(ranks, 0)
+                line += f"; stated over true {min(stated):.2f}, {np.median(stated):.2f}, {max(stated):.2f}, {inside} of {len(stated)} within"
+                line += f"; rank of pixels {pixels:.2f}, of tiles {of_tiles:.2f}; tiles within {np.mean(within):.2f}"
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:]) if len(sys.argv) in (4, 5) else sys.exit(__doc__)
