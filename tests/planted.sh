@@ -227,7 +227,14 @@ plant "film: the first frames are lost" crates/frames/src/sequence.rs \
     's/self\.frames\.len\(\) > self\.done \+ WIDEST/self.frames.len() > self.done + 2 * WIDEST/' \
     frames::tests::frames_come_in_order_and_of_one_size
 plant "film: the stated error stays" crates/frames/src/average.rs \
-    's/error_of_less_noise\(reduced,/error_of_less_noise(1.0,/' frames::tests::noise_of_a_still_light_is_divided
+    's/error_of_less_noise\(f64::from\(ratio\(i\)\)/error_of_less_noise(1.0/' frames::tests::noise_of_a_still_light_is_divided
+plant "film: bright samples are no noise" crates/frames/src/average.rs \
+    's/square\.max\(error \* error\)/error * error/' frames::tests::bright_samples_are_noise
+plant "resolve: two batches count as four" src/resolve/tiles.rs \
+    's/let batches = self\.whole\.batches/let batches = BATCHES/' resolve::tests::two_samples_are_resolved
+plant "resolve: an error map of the noise alone" src/resolve/mod.rs \
+    's/statement::map\(self\.picture\.size\(\), errors\)/statement::map(self.picture.size(), errors.map(|e| 0.6 * e))/' \
+    statement::error_map_has_the_mean_that_is_stated
 plant "formats: differences of meshopt turn the wrong way" crates/formats/src/compressed/meshopt.rs \
     's/rotate_right/rotate_left/' formats::compressed::tests::channels_of_turned_differences_are_decoded
 plant "formats: a known vertex is new again" crates/formats/src/compressed/meshopt.rs \

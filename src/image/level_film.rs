@@ -354,27 +354,55 @@ impl LevelFilm {
         sums.map(|sum| (sum as f64 / all as f64) as f32)
     }
 
-    /// The film with a sample in every batch: where one has none, since all were refused, it has the mean of the pixel's others.
-    /// `None` if more than a hundredth of the pixels lack one, as those of all films of less than four samples do.
-    pub fn complete(&self) -> Option<Cow<'_, Self>> {
-        let lacks = |index: &usize| self.counts[*index].contains(&0);
-        let lacking: Vec<usize> = (0..self.counts.len()).filter(lacks).collect();
-        if lacking.is_empty() {
-            return Some(Cow::Borrowed(self));
+    /// Batches that have samples, the first of all: as many as there are samples, and no more than [`BATCHES`]. A batch counts where no
+    /// more than a hundredth of the pixels lack it or one before it.
+    pub fn batches(&self) -> usize {
+        let mut lacking = [0; BATCHES];
+        for counts in &self.counts {
+            let filled = counts.iter().take_while(|count| **count > 0).count();
+            lacking[filled..]
+                .iter_mut()
+                .for_each(|lacking| *lacking += 1);
         }
-        if 100 * lacking.len() > self.counts.len() {
+        let most = self.counts.len() / 100;
+        lacking
+            .iter()
+            .take_while(|lacking| **lacking <= most)
+            .count()
+    }
+
+    /// The film with a sample in every one of its [`batches`](Self::batches), and none beyond: where one has none, since all were
+    /// refused, it has the mean of the pixel's others. `None` of fewer than two batches, as films of one sample are.
+    pub fn complete(&self) -> Option<Cow<'_, Self>> {
+        let batches = self.batches();
+        if batches < 2 {
             return None;
+        }
+        let differs = |index: &usize| {
+            let mut counts = self.counts[*index].iter().enumerate();
+            counts.any(|(batch, count)| (batch < batches) != (*count > 0))
+        };
+        let different: Vec<usize> = (0..self.counts.len()).filter(differs).collect();
+        if different.is_empty() {
+            return Some(Cow::Borrowed(self));
         }
         let mut film = self.clone();
         let stride = self.levels + 1;
-        for index in lacking {
+        for index in different {
             let n: u32 = self.counts[index].iter().sum();
-            for batch in (0..BATCHES).filter(|&batch| self.counts[index][batch] == 0) {
-                film.counts[index][batch] = 1;
+            for batch in 0..BATCHES {
+                let count = self.counts[index][batch];
+                if (batch < batches) == (count > 0) {
+                    continue;
+                }
+                film.counts[index][batch] = u32::from(batch < batches);
                 for level in 0..stride {
+                    let at = (index * BATCHES + batch) * stride + level;
                     let sums = (0..BATCHES).map(|batch| self.sum(index, batch, level));
-                    film.sums[(index * BATCHES + batch) * stride + level] =
-                        sums.sum::<Rgb>() / n.max(1) as f32;
+                    film.sums[at] = match batch < batches {
+                        true => sums.sum::<Rgb>() / n.max(1) as f32,
+                        false => Rgb::ZERO,
+                    };
                 }
             }
         }
@@ -595,8 +623,15 @@ mod tests {
                 );
             }
         }
+        // A third one leaves two batches, and nothing of the others.
+        film.counts[2][2] = 0;
+        assert_eq!(film.batches(), 2);
+        let complete = film.complete().expect("two batches");
+        assert_eq!(complete.shares()[2..], [0.0; 2]);
         film.counts[2][1] = 0;
-        assert_eq!(film.complete(), None);
+        film.counts[3][1] = 0;
+        film.counts[4][1] = 0;
+        assert_eq!((film.batches(), film.complete()), (1, None));
     }
 
     /// In single precision 0.7 added a million times is off by up to 1 %.

@@ -64,6 +64,8 @@ pub(super) struct Coarse {
     cells: Size,
     /// Means of the batches in every cell, by level.
     levels: Vec<[Vec<Vec3A>; BATCHES]>,
+    /// B: batches that have samples.
+    batches: usize,
     /// M of every cell, by level.
     hits: Vec<Vec<f32>>,
 }
@@ -126,6 +128,7 @@ impl Coarse {
             pixels,
             cells,
             levels,
+            batches: film.batches(),
             hits,
         }
     }
@@ -144,8 +147,8 @@ impl Coarse {
             // Beside a hit the wider scale has light, and the narrow one has met nothing.
             let [wide, narrow] = std::array::from_fn(|scale| roughest[scale] - light[scale]);
             Missing {
-                variance: wide.max(narrow).max(Vec3A::ZERO) * size / BATCHES as f32,
-                expected: expected(WINDOW, roughest[0], size),
+                variance: wide.max(narrow).max(Vec3A::ZERO) * size / self.batches as f32,
+                expected: self.expected(WINDOW, roughest[0], size),
             }
         })
     }
@@ -176,28 +179,37 @@ impl Coarse {
             .iter()
             .map(|level| level.each_ref().map(|batch| batch[cell]))
             .collect();
-        let mean = |level: usize| batches[level].iter().sum::<Vec3A>() / BATCHES as f32;
+        let count = self.batches;
+        let mean = |level: usize| batches[level].iter().sum::<Vec3A>() / count as f32;
         let grey = |light: Vec3A| light.element_sum() / 3.0;
         let roughest = mean(levels.len() - 1);
         let noise: Vec<f32> = (0..levels.len())
             .map(|level| {
                 let size = self.hits[level][cell];
                 let missing = (roughest - mean(level)).max(Vec3A::ZERO) * size
-                    / (BATCHES as f32 * AVERAGED)
-                    * (-expected(AVERAGED, roughest, size)).exp();
-                grey(variance_of_mean(batches[level]) + missing)
+                    / (count as f32 * AVERAGED)
+                    * (-self.expected(AVERAGED, roughest, size)).exp();
+                grey(variance_of_mean(&batches[level][..count]) + missing)
             })
             .collect();
         let error = |level: usize| {
             let bias = (0..level).map(|anchor| {
-                let d = std::array::from_fn(|b| batches[level][b] - batches[anchor][b]);
-                grey(squared_difference(d)) - noise[anchor]
+                let d: [_; BATCHES] =
+                    std::array::from_fn(|b| batches[level][b] - batches[anchor][b]);
+                grey(squared_difference(&d[..count])) - noise[anchor]
             });
             bias.fold(0.0, f32::max) + noise[level]
         };
         let best =
             (1..levels.len()).fold(0, |best, k| if error(k) < error(best) { k } else { best });
-        brought(have, mean(best) - have, variance_of_mean(batches[best]))
+        let variance = variance_of_mean(&batches[best][..count]);
+        brought(have, mean(best) - have, variance)
+    }
+
+    /// Hits expected among so many pixels of this light that comes in hits of this size.
+    fn expected(&self, pixels: f32, light: Vec3A, size: f32) -> f32 {
+        let light = light.element_sum() / 3.0;
+        pixels * self.batches as f32 * light / size.max(f32::MIN_POSITIVE)
     }
 
     /// Its size in cells.
@@ -306,6 +318,7 @@ impl Caps {
         let window = film.window();
         let pixels = (window.w as usize, window.h as usize);
         let cells = (pixels.0.div_ceil(CELL), pixels.1.div_ceil(CELL));
+        let batches = film.batches();
         let mut medians = Vec::with_capacity(cells.0 * cells.1);
         let mut means = Vec::with_capacity(cells.0 * cells.1);
         let mut lit = Vec::with_capacity(cells.0 * cells.1);
@@ -314,8 +327,8 @@ impl Caps {
             let part = 1.0 / inside.clone().count() as f32;
             let (mut typical, mut sum, mut count) = (Vec3A::ZERO, Vec3A::ZERO, 0u32);
             for pixel in inside {
-                let light = std::array::from_fn(|batch| light(pixel, batch));
-                typical += part * median(light);
+                let light: [Vec3A; BATCHES] = std::array::from_fn(|batch| light(pixel, batch));
+                typical += part * median(&light[..batches]);
                 sum += light.iter().sum::<Vec3A>();
                 count += light
                     .iter()
@@ -346,11 +359,6 @@ impl Caps {
     pub(super) fn at(&self, pixel: (usize, usize)) -> Vec3A {
         Corners::of(self.cells, pixel).mean(&self.most)
     }
-}
-
-/// Hits expected among so many pixels of this light that comes in hits of this size.
-fn expected(pixels: f32, light: Vec3A, size: f32) -> f32 {
-    pixels * BATCHES as f32 * light.element_sum() / 3.0 / size.max(f32::MIN_POSITIVE)
 }
 
 /// M of every cell, from first and second moments of all batches.

@@ -53,14 +53,15 @@ pub struct Denoised {
 }
 
 /// Mixes the choice among the levels of a film with the picture of a denoiser, any function of a picture; fails where that
-/// does. A film that cannot be made [complete](LevelFilm::complete) has no noise to judge by: it is denoised as it is.
+/// does. A film of fewer than four samples has no batches to judge by: it is denoised as it is.
 pub fn denoise_film<E>(
     film: &LevelFilm,
     mut resolved: Resolved,
     denoise: impl Fn(&Buffer) -> Result<Buffer, E>,
 ) -> Result<Denoised, E> {
-    let Some(film) = film.complete() else {
-        resolved.picture = denoise(&resolved.picture)?;
+    let complete = film.complete().filter(|film| film.batches() == BATCHES);
+    let Some(film) = complete else {
+        resolved.picture = denoise(&film.mean(0))?;
         return Ok(Denoised { resolved, fed: 0 });
     };
     let film = film.as_ref();

@@ -69,7 +69,14 @@ pub(super) struct Choice {
 
 impl Choice {
     /// Chooses among candidates in ascending order of what they take from the picture: the first of the best.
-    pub(super) fn of(size: Size, candidates: &[Candidate], weights: &Weights, kappa: f32) -> Self {
+    /// The first `batches` of them have samples.
+    pub(super) fn of(
+        size: Size,
+        candidates: &[Candidate],
+        weights: &Weights,
+        kappa: f32,
+        batches: usize,
+    ) -> Self {
         let pixels = weights.own.len();
         let mut all = Self {
             chosen: vec![0; pixels],
@@ -83,9 +90,9 @@ impl Choice {
         // Variances of those that others are judged against.
         let mut anchors: Vec<Vec<f32>> = Vec::with_capacity(candidates.len());
         for (k, candidate) in candidates.iter().enumerate() {
-            let noise = noise(size, candidate);
+            let noise = noise(size, candidate, batches);
             let variance = weighted(&noise, &weights.own);
-            let bias2 = bias(size, candidates, k, weights, &anchors, kappa);
+            let bias2 = bias(size, candidates, k, weights, &anchors, kappa, batches);
             let judged = candidate.blurred.then(|| weighted(&noise, &edges));
             let judged = judged.as_ref().unwrap_or(&variance);
             let caution = if candidate.blurred { CAUTION } else { 1.0 };
@@ -130,9 +137,9 @@ impl Choice {
 }
 
 /// V of a candidate.
-fn noise(size: Size, candidate: &Candidate) -> Vec<Vec3A> {
+fn noise(size: Size, candidate: &Candidate, batches: usize) -> Vec<Vec3A> {
     let mut noise: Vec<Vec3A> = (candidate.light.iter())
-        .map(|light| variance_of_mean(*light))
+        .map(|light| variance_of_mean(&light[..batches]))
         .collect();
     tent(size, RADIUS, &mut noise);
     if let Some(missing) = &candidate.missing {
@@ -150,6 +157,7 @@ fn bias(
     weights: &Weights,
     variance: &[Vec<f32>],
     kappa: f32,
+    batches: usize,
 ) -> Vec<f32> {
     let one = &candidates[k];
     let weights = if one.dark_side {
@@ -166,10 +174,12 @@ fn bias(
         let differences: Batches = pairs.map(difference).collect();
         // Only light of rare hits has no other sign of a coincidence.
         let mut smooth = match one.missing {
-            Some(_) => seen_again(size, &differences),
-            None => differences.iter().map(|d| squared_difference(*d)).collect(),
+            Some(_) => seen_again(size, &differences, batches),
+            None => (differences.iter())
+                .map(|d| squared_difference(&d[..batches]))
+                .collect(),
         };
-        let most = (one.doubted).then(|| doubtful(size, &smooth, &differences, weights));
+        let most = (one.doubted).then(|| doubtful(size, &smooth, &differences, weights, batches));
         tent(size, RADIUS, &mut smooth);
         let mut biases = weighted(&smooth, weights);
         for (bias, most) in biases.iter_mut().zip(most.iter().flatten()) {
@@ -187,10 +197,18 @@ fn bias(
 /// Most bias that U shows where it may be a chance of few batches: that of the wider radius. Infinite where U is significant at one of
 /// the [`SCALES`]. Without bias the variance of U is 2 B / (B − 1) times the square of the variance of the mean of B batches. Without
 /// this test a pixel in two hundred takes the picture as it is, by chance.
-fn doubtful(size: Size, squares: &[Vec3A], differences: &Batches, weights: &[Vec3A]) -> Vec<f32> {
-    let variances: Vec<Vec3A> = (differences.iter()).map(|d| variance_of_mean(*d)).collect();
+fn doubtful(
+    size: Size,
+    squares: &[Vec3A],
+    differences: &Batches,
+    weights: &[Vec3A],
+    batches: usize,
+) -> Vec<f32> {
+    let variances: Vec<Vec3A> = (differences.iter())
+        .map(|d| variance_of_mean(&d[..batches]))
+        .collect();
     let (squares, variances) = (weighted(squares, weights), weighted(&variances, weights));
-    let b = BATCHES as f32;
+    let b = batches as f32;
     let z = SIGNIFICANT * (2.0 * b / (b - 1.0)).sqrt();
     let mut most = vec![0.0f32; squares.len()];
     for (radius, norm) in SCALES {
@@ -210,8 +228,10 @@ fn doubtful(size: Size, squares: &[Vec3A], differences: &Batches, weights: &[Vec
 
 /// Squared differences that something confirms: one of the pixels around shows as much, or the batches of the pixel do without
 /// the one that differs most. Hits of several batches that meet in one pixel by chance would be a bias that no noise explains.
-fn seen_again((width, height): Size, differences: &Batches) -> Vec<Vec3A> {
-    let squares: Vec<Vec3A> = differences.iter().map(|d| squared_difference(*d)).collect();
+fn seen_again((width, height): Size, differences: &Batches, batches: usize) -> Vec<Vec3A> {
+    let squares: Vec<Vec3A> = (differences.iter())
+        .map(|d| squared_difference(&d[..batches]))
+        .collect();
     let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
     let confirmed = |i: usize| {
         let mut most = Vec3A::ZERO;
@@ -226,25 +246,25 @@ fn seen_again((width, height): Size, differences: &Batches) -> Vec<Vec3A> {
         if squares[i].cmple(most).all() {
             return squares[i];
         }
-        squares[i].min(most.max(without_largest(&differences[i])))
+        squares[i].min(most.max(without_largest(&differences[i][..batches])))
     };
     (0..squares.len()).map(confirmed).collect()
 }
 
-/// The squared difference of the batches but the one that has most of it, by channel.
-fn without_largest(differences: &[Vec3A; BATCHES]) -> Vec3A {
+/// The squared difference of the batches but the one that has most of it, by channel; of two batches, which leave one, none.
+fn without_largest(differences: &[Vec3A]) -> Vec3A {
+    let batches = differences.len();
+    if batches < 3 {
+        return Vec3A::ZERO;
+    }
     let channel = |c: usize| {
-        let d = differences.map(|d| d[c]);
-        let sign = if d.iter().sum::<f32>() > 0.0 {
-            1.0
-        } else {
-            -1.0
-        };
-        let most = d.iter().fold(f32::NEG_INFINITY, |m, d| m.max(d * sign));
-        let largest = d.iter().position(|d| d * sign == most).unwrap_or(0);
-        let rest = d.iter().enumerate().filter(|(b, _)| *b != largest);
+        let d = || differences.iter().map(|d| d[c]);
+        let sign = if d().sum::<f32>() > 0.0 { 1.0 } else { -1.0 };
+        let most = d().fold(f32::NEG_INFINITY, |m, d| m.max(d * sign));
+        let largest = d().position(|d| d * sign == most).unwrap_or(0);
+        let rest = d().enumerate().filter(|(b, _)| *b != largest);
         let (sum, squares) = rest.fold((0.0, 0.0), |(s, q), (_, d)| (s + d, q + d * d));
-        (sum * sum - squares) / ((BATCHES - 1) * (BATCHES - 2)) as f32
+        (sum * sum - squares) / ((batches - 1) * (batches - 2)) as f32
     };
     Vec3A::new(channel(0), channel(1), channel(2))
 }

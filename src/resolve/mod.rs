@@ -178,8 +178,8 @@ impl Resolved {
     }
 }
 
-/// Chooses for every pixel of a film. A film that cannot be made [complete](LevelFilm::complete) has no noise estimate: its
-/// picture is level 0, its error infinite.
+/// Chooses for every pixel of a film. A film that cannot be made [complete](LevelFilm::complete), as those of one sample, has no
+/// noise estimate: its picture is level 0, its error infinite.
 pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
     let Some(complete) = film.complete() else {
         let picture = film.mean(0);
@@ -235,7 +235,7 @@ pub fn unseen_share(picture: &Picture) -> f64 {
     if all > 0.0 { 1.0 - plain / all } else { 0.0 }
 }
 
-/// Chooses in tiles of so many pixels a side; there is a sample in every batch.
+/// Chooses in tiles of so many pixels a side; there is a sample in two batches or more.
 fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
     // The layer that is blurred with all its fireflies: where there are several levels others know those of the second one.
     let blurred = |pixel, batch| match film.levels() {
@@ -247,6 +247,7 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
         roughened: Coarse::roughened(film),
         caps: Caps::of(film, blurred),
         shares: film.shares(),
+        batches: film.batches(),
         gain: gain(film.means(film.levels() - 1)),
         limits,
     };
@@ -307,26 +308,28 @@ fn gain(picture: impl ExactSizeIterator<Item = Rgb>) -> f32 {
 }
 
 /// U: an unbiased estimate of the squared mean of independent numbers of one mean; below 0 by chance.
-fn squared_difference(d: [Vec3A; BATCHES]) -> Vec3A {
+fn squared_difference(d: &[Vec3A]) -> Vec3A {
     let (sum, squares) = d.iter().fold((Vec3A::ZERO, Vec3A::ZERO), |(s, q), d| {
         (s + *d, q + *d * *d)
     });
-    (sum * sum - squares) / (BATCHES * (BATCHES - 1)) as f32
+    (sum * sum - squares) / (d.len() * (d.len() - 1)) as f32
 }
 
 /// Estimated variance of the mean of independent numbers.
-fn variance_of_mean(x: [Vec3A; BATCHES]) -> Vec3A {
-    let mean = x.iter().sum::<Vec3A>() / BATCHES as f32;
+fn variance_of_mean(x: &[Vec3A]) -> Vec3A {
+    let mean = x.iter().sum::<Vec3A>() / x.len() as f32;
     let squares: Vec3A = x.iter().map(|x| (*x - mean) * (*x - mean)).sum();
-    squares / (BATCHES * (BATCHES - 1)) as f32
+    squares / (x.len() * (x.len() - 1)) as f32
 }
 
-/// Median of the batches: the mean of the middle two, by channel.
-fn median(x: [Vec3A; BATCHES]) -> Vec3A {
+/// Median of the batches by channel, of an even number of them the mean of the middle two.
+fn median(x: &[Vec3A]) -> Vec3A {
     let channel = |c: usize| {
-        let mut sorted = x.map(|x| x[c]);
+        let mut sorted = [0.0; BATCHES];
+        let sorted = &mut sorted[..x.len()];
+        sorted.iter_mut().zip(x).for_each(|(s, x)| *s = x[c]);
         sorted.sort_by(f32::total_cmp);
-        0.5 * (sorted[BATCHES / 2 - 1] + sorted[BATCHES / 2])
+        0.5 * (sorted[(x.len() - 1) / 2] + sorted[x.len() / 2])
     };
     Vec3A::new(channel(0), channel(1), channel(2))
 }

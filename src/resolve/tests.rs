@@ -53,15 +53,19 @@ fn noise(k: usize, b: usize, i: usize) -> f32 {
 /// Heavy tails: a brightness of 1/p with probability p, whose mean is 1 whatever p.
 #[test]
 fn squared_difference_is_unbiased_under_heavy_tails() {
-    for (p, offset) in [(0.5f32, 0.0f32), (0.05, 0.0), (0.05, 2.0), (0.01, 0.5)] {
+    let cases = [(0.5f32, 0.0f32), (0.05, 0.0), (0.05, 2.0), (0.01, 0.5)];
+    let all = [2, 3, BATCHES]
+        .into_iter()
+        .flat_map(|batches| cases.map(|case| (batches, case)));
+    for (batches, (p, offset)) in all {
         let (mut sum, mut squares, n) = (0.0f64, 0.0f64, 400_000);
         let mut stream = stream(7);
         for _ in 0..n {
-            let d = std::array::from_fn(|_| {
+            let d: [_; BATCHES] = std::array::from_fn(|_| {
                 let hit = if stream.next_1d() < p { 1.0 / p } else { 0.0 };
                 Vec3A::splat(hit - 1.0 + offset)
             });
-            let u = f64::from(squared_difference(d).x);
+            let u = f64::from(squared_difference(&d[..batches]).x);
             sum += u;
             squares += u * u;
         }
@@ -631,7 +635,7 @@ fn film_without_a_noise_estimate_shows_level_0() {
     }
     let size = crate::math::UVec2::new(2, 1);
     let mut film = LevelFilm::new(size, crate::image::film::Window::full(size), 2);
-    for sample in 0..BATCHES as u32 {
+    for sample in 0..2 {
         let resolved = resolve_film(&film, SHARP);
         assert_eq!(resolved.picture, film.mean(0));
         assert_eq!(resolved.statement().root, f64::INFINITY);
@@ -641,10 +645,76 @@ fn film_without_a_noise_estimate_shows_level_0() {
             film.push(index, sample, &path(&[Rgb::ONE, Rgb::splat(0.5)]));
         }
     }
-    assert!(resolve_film(&film, SHARP).statement().root < 1e-6);
-    assert_eq!(resolve_film(&film, SHARP).layers().len(), 3);
+    for sample in 2..5 {
+        assert!(resolve_film(&film, SHARP).statement().root < 1e-6);
+        assert_eq!(resolve_film(&film, SHARP).layers().len(), 3);
+        for index in 0..2 {
+            film.push(index, sample, &path(&[Rgb::ONE, Rgb::splat(0.5)]));
+        }
+    }
     film.push(0, 4, &path(&[Rgb::ONE, Rgb::splat(f32::NAN)]));
     assert_eq!(film.mean(1).pixels[0], Rgb::splat(0.5));
+}
+
+/// Two samples are two batches: means, variances and medians are those of as many.
+#[test]
+fn few_batches_are_as_many_as_they_are() {
+    let x = [1.0, 5.0, 3.0, 9.0].map(Vec3A::splat);
+    assert_eq!(variance_of_mean(&x[..2]).x, 4.0);
+    assert!((variance_of_mean(&x[..3]).x - 4.0 / 3.0).abs() < 1e-6);
+    assert_eq!([2, 3, 4].map(|n| median(&x[..n]).x), [3.0, 3.0, 4.0]);
+}
+
+/// Even light under noise, of one level: from the second sample on a choice is less noisy than the mean of the samples, keeps the
+/// light and an edge, and states its error.
+#[test]
+fn two_samples_are_resolved() {
+    let size = 64usize;
+    let frame = crate::math::UVec2::splat(size as u32);
+    let truth = |i: usize| if i % size < size / 2 { 1.0 } else { 0.25 };
+    for samples in [2u32, 3, 4] {
+        let mut film = LevelFilm::new(frame, Window::full(frame), 1);
+        for i in 0..size * size {
+            let mut features = [0.0; FEATURES];
+            // A wall beyond a floor.
+            let axis = if truth(i) == 1.0 { 2 } else { 0 };
+            (features[axis], features[3]) = (1.0, 4.0);
+            (features[4 + axis], features[7]) = (1.0, 4.0);
+            for sample in 0..samples {
+                let light = truth(i) * (1.0 + 0.4 * noise(0, sample as usize, i));
+                let path = PathLevels {
+                    levels: &[Rgb::splat(light.max(0.0))],
+                    shared: Rgb::ZERO,
+                    features,
+                };
+                film.push(i, sample, &path);
+            }
+        }
+        let resolved = resolve_film(&film, Resolve::default());
+        let squared = |picture: &Buffer| -> f64 {
+            let pixels = picture.pixels.iter().enumerate();
+            (pixels.map(|(i, p)| f64::from(p.x - truth(i)).powi(2))).sum::<f64>()
+        };
+        let ratio = squared(&resolved.picture) / squared(&film.mean(0));
+        assert!(ratio < 0.15, "{samples} samples: {ratio}");
+        let light = |picture: &Buffer| picture.pixels.iter().map(|p| f64::from(p.x)).sum::<f64>();
+        let energy = light(&resolved.picture) / light(&film.mean(0));
+        assert!((energy - 1.0).abs() < 0.01, "{samples} samples: {energy}");
+        let column = |x: usize| -> f32 {
+            (0..size)
+                .map(|y| resolved.picture.pixels[y * size + x].x)
+                .sum::<f32>()
+                / size as f32
+        };
+        assert!(column(31) > 0.9 && column(32) < 0.35, "{samples} samples");
+        let reference = Buffer {
+            pixels: (0..size * size).map(|i| Rgb::splat(truth(i))).collect(),
+            ..resolved.picture.clone()
+        };
+        let measured = crate::image::metric::mean_relative_error(&resolved.picture, &reference);
+        let stated = resolved.statement().mean / measured.expect("one size").value;
+        assert!((0.67..2.0).contains(&stated), "{samples} samples: {stated}");
+    }
 }
 
 /// A square film of two levels without roughened light.

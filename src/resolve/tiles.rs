@@ -34,6 +34,8 @@ pub(super) struct Shared<'a> {
     pub(super) caps: Caps,
     /// Share of each batch in the samples.
     pub(super) shares: [f32; BATCHES],
+    /// Batches that have samples.
+    pub(super) batches: usize,
     /// Factor that makes the mean of the picture 0.3.
     pub(super) gain: f32,
     pub(super) limits: Limits,
@@ -208,19 +210,20 @@ impl<'a> Part<'a> {
         let weights = self.weights(&shared, &all[count - 1]);
         let size = self.inner.size;
         let limits = &self.whole.limits;
+        let batches = self.whole.batches;
 
         let candidates = self.of_shared(shared, &features);
-        let p = Choice::of(size, &candidates, &weights.0, limits.kappa[0]);
+        let p = Choice::of(size, &candidates, &weights.0, limits.kappa[0], batches);
         let mean = |light: &[Vec3A; BATCHES]| self.mean(light);
         let (shared, shared_batches) = p.blend(size, &candidates, mean);
         drop(candidates);
 
         let candidates = self.of_roughened(&all, &features);
-        let r = Choice::of(size, &candidates, &weights.0, limits.kappa[1]);
+        let r = Choice::of(size, &candidates, &weights.0, limits.kappa[1], batches);
         let (roughened, rough_batches) = r.blend(size, &candidates, mean);
         let noise = |i: usize| {
             let batch = |b: usize| shared_batches[i][b] + rough_batches[i][b];
-            noise_of_halves(std::array::from_fn(batch), self.whole.shares)
+            noise_of_halves(std::array::from_fn(batch), self.whole.shares, batches)
         };
 
         let level = |k: u8| candidates[usize::from(k)].level;
@@ -434,11 +437,12 @@ fn darkest((width, height): Size, values: &[Vec3A]) -> Vec<Vec3A> {
 }
 
 /// Mean absolute noise of a picture, the channels added up, from the differences of both halves of its batches: the mean of the
-/// three ways to halve them. For samples that are normal it is that of all batches together.
-fn noise_of_halves(batches: [Vec3A; BATCHES], shares: [f32; BATCHES]) -> f32 {
+/// three ways to halve four of them, the first with each of the others; the first alone is one of two. For samples that are normal it
+/// is that of all batches together.
+fn noise_of_halves(batches: [Vec3A; BATCHES], shares: [f32; BATCHES], count: usize) -> f32 {
     let halved = |with: usize| {
         let (mut light, mut share) = ([Vec3A::ZERO; 2], [0.0; 2]);
-        for batch in 0..BATCHES {
+        for batch in 0..count {
             let half = usize::from(batch != 0 && batch != with);
             light[half] += shares[batch] * batches[batch];
             share[half] += shares[batch];
@@ -446,5 +450,7 @@ fn noise_of_halves(batches: [Vec3A; BATCHES], shares: [f32; BATCHES]) -> f32 {
         let apart = light[0] / share[0] - light[1] / share[1];
         apart.abs().element_sum() / (1.0 / share[0] + 1.0 / share[1]).sqrt()
     };
-    (1..BATCHES).map(halved).sum::<f32>() / (BATCHES - 1) as f32
+    let ways = if count > 2 { 1..count } else { 0..1 };
+    let number = ways.len() as f32;
+    ways.map(halved).sum::<f32>() / number
 }
