@@ -356,7 +356,7 @@ impl LevelFilm {
 
     /// Batches that have samples, the first of all: as many as there are samples, and no more than [`BATCHES`]. A batch counts where no
     /// more than a hundredth of the pixels lack it or one before it.
-    pub fn batches(&self) -> usize {
+    pub(crate) fn batches(&self) -> usize {
         let mut lacking = [0; BATCHES];
         for counts in &self.counts {
             let filled = counts.iter().take_while(|count| **count > 0).count();
@@ -371,7 +371,7 @@ impl LevelFilm {
             .count()
     }
 
-    /// The film with a sample in every one of its [`batches`](Self::batches), and none beyond: where one has none, since all were
+    /// The film with a sample in every batch that has samples, and none beyond: where one has none, since all were
     /// refused, it has the mean of the pixel's others. `None` of fewer than two batches, as films of one sample are.
     pub fn complete(&self) -> Option<Cow<'_, Self>> {
         let batches = self.batches();

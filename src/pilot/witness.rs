@@ -52,7 +52,7 @@ pub struct Missing {
 
 impl Missing {
     /// Expected errors of pixels, with what is missing.
-    pub fn beside(&self, mut errors: Vec<f32>) -> Vec<f32> {
+    pub(crate) fn beside(&self, mut errors: Vec<f32>) -> Vec<f32> {
         let pairs = errors.iter_mut().zip(&self.squares);
         pairs.for_each(|(error, square)| *error = (*error + square.sqrt()).min(1.0));
         errors

@@ -184,11 +184,8 @@ fn read_frame(path: &Path, number: u32, mut read: Layers, camera: Camera) -> any
     let layers = layers.collect();
     let mut plane = |name: &str| read.channels.remove(name).unwrap_or_default();
     let error = plane("error");
-    let mut squares = plane("variance");
-    squares
-        .iter_mut()
-        .zip(plane("bias2"))
-        .for_each(|(s, b)| *s += b);
+    let pairs = plane("variance").into_iter().zip(plane("bias2"));
+    let squares: Vec<f32> = pairs.map(|(v, b)| v + b).collect();
     if error.iter().chain(&squares).any(|x| x.is_nan() || *x < 0.0) {
         return Err(at("a stated error is not a number"));
     }
