@@ -2,7 +2,7 @@
 """What renders state of their error, beside the truth: the number, and the map of the layer `error`.
 
     python3 suites/unseen.py scenes unseen && python3 suites/unseen.py references unseen
-    OPSR=target/release/opsr python3 suites/error_map.py unseen 64x48 8,32,128
+    OPSR=target/release/opsr python3 suites/error_map.py unseen 64x48 8,32,128 [METHOD,...]
 
 A line for each method and number of samples, over the scenes of the folder: the geometric mean of FLIP; stated over true error, least,
 median, most, and how many are within 0.67 to 1.5; Spearman's rank correlation of the map with the true error of pixels and of tiles of 8
@@ -54,17 +54,17 @@ def measured(picture, reference):
     return {m["name"]: m["value"] for m in json.loads(Path(report).read_text())["entries"][0]["metrics"]}
 
 
-def main(folder, size, counts, seed="9"):
+def main(folder, size, counts, methods=",".join(METHODS)):
     scenes = sorted(Path(folder).glob("*.pbrt"))
-    for name, method in METHODS.items():
+    for name in methods.split(","):
         for samples in counts.split(","):
             flips, stated, ranks, within = [], [], [], []
             for scene in scenes:
                 reference = scene.with_name(f"{scene.stem}-{size.split('x')[0]}.exr")
                 with tempfile.TemporaryDirectory() as place:
                     picture, stats = Path(place) / "a.exr", Path(place) / "a.json"
-                    options = ["--size", size, "--spp", samples, "--seed", seed, "--max-vertices", "14", "--progress", "none"]
-                    command = [PROGRAM, "render", scene, *options, *method, "--stats", stats, "-o", picture]
+                    options = ["--size", size, "--spp", samples, "--seed", "9", "--max-vertices", "14", "--progress", "none"]
+                    command = [PROGRAM, "render", scene, *options, *METHODS[name], "--stats", stats, "-o", picture]
                     subprocess.run(command, check=True, capture_output=True)
                     metrics, said = measured(picture, reference), json.loads(stats.read_text())["mean_relative_error"]
                     flips.append(metrics["FLIP"])

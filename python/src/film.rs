@@ -270,7 +270,7 @@ impl Resolved {
         array::floats(py, &self.shape(), self.choice.variance.iter().copied())
     }
 
-    /// Estimated relative error of every pixel, the root of `bias2 + variance`: shape (height, width), float32.
+    /// Error map, the relative error to be expected of every pixel, whose mean is the average error: shape (height, width), float32.
     #[getter]
     fn error<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         array::floats(py, &self.shape(), self.choice.error())
