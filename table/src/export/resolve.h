@@ -46,6 +46,7 @@ typedef struct {
     unsigned char *level; /* chosen level of roughening */
     float *bias2;         /* squared bias and variance over the squared picture + 0.01: their sum is the squared */
     float *variance;      /* relative error that is to be expected */
+    float *error;         /* error map: relative error to be expected, at most 1; its mean is the average error of the picture */
 } opsr_resolved;
 
 /* Light of a pixel in batches. */
@@ -428,9 +429,9 @@ static int opsr_doubtful(int w, int h, const float *square, const float *varianc
 }
 
 /* Chooses among candidates, each judged against the `sharper` first of them; blends their means into `layer` and adds to
- * bias2 and variance. `weights`: own and dark, 3 a pixel each. */
+ * bias2, variance and the batches of the choice. `weights`: own and dark, 3 a pixel each. */
 static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count, const float *own, const float *dark, float kappa,
-                       float *layer, unsigned char *level, float *bias2, float *variance) {
+                       float *layer, unsigned char *level, float *bias2, float *variance, opsr_light *batches) {
     size_t n = (size_t)f->width * f->height;
     float *noise = (float *)malloc(n * 3 * sizeof(float)), *square = (float *)malloc(n * 3 * sizeof(float));
     float *least_square = (float *)malloc(n * 3 * sizeof(float)), *old = (float *)malloc(n * 3 * sizeof(float));
@@ -495,7 +496,10 @@ static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count,
         for (size_t i = 0; i < n; i++) bias[i] = chosen[i] == k;
         failed = opsr_tent(bias, f->width, f->height, 1, 1);
         for (size_t i = 0; i < n; i++)
-            for (int c = 0; bias[i] > 0.0f && c < 3; c++) layer[i * 3 + c] += bias[i] * opsr_mean(f, all[k].light + i, c);
+            for (int c = 0; bias[i] > 0.0f && c < 3; c++) {
+                layer[i * 3 + c] += bias[i] * opsr_mean(f, all[k].light + i, c);
+                for (int b = 0; b < OPSR_BATCHES; b++) batches[i].v[b][c] += bias[i] * all[k].light[i].v[b][c];
+            }
     }
     for (size_t i = 0; !failed && i < n; i++) {
         if (level) level[i] = (unsigned char)all[chosen[i]].level;
@@ -637,6 +641,41 @@ static int opsr_weights(const opsr_film *f, float *own, float *dark, float *stat
     return failed;
 }
 
+/* Mean absolute noise of a pixel, the channels added up: the mean of the three ways to halve its batches. */
+static float opsr_noise(const opsr_film *f, const opsr_light *light) {
+    float noise = 0.0f;
+    for (int with = 1; with < OPSR_BATCHES; with++) {
+        float sums[2][3] = {{0}}, shares[2] = {0}, apart = 0.0f;
+        for (int b = 0; b < OPSR_BATCHES; b++) {
+            int half = b != 0 && b != with;
+            shares[half] += f->shares[b];
+            for (int c = 0; c < 3; c++) sums[half][c] += f->shares[b] * light->v[b][c];
+        }
+        for (int c = 0; c < 3; c++) apart += fabsf(sums[0][c] / shares[0] - sums[1][c] / shares[1]);
+        noise += apart / sqrtf(1.0f / shares[0] + 1.0f / shares[1]) / (OPSR_BATCHES - 1);
+    }
+    return noise;
+}
+
+/* The error map, from the batches of the choice and its light before it was brought to its energy. */
+static int opsr_errors(const opsr_film *f, const opsr_light *batches, const float *before, const opsr_resolved *out) {
+    size_t n = (size_t)f->width * f->height;
+    double sum = 0.0;
+    int black = 1;
+    for (size_t i = 0; i < n; i++) {
+        const float *p = out->picture + i * 3;
+        sum += fmaxf(p[0] + p[1] + p[2], 0.0f);
+        black &= p[0] == 0.0f && p[1] == 0.0f && p[2] == 0.0f;
+    }
+    for (size_t i = 0; i < n; i++) {
+        const float *p = out->picture + i * 3;
+        float light = p[0] + p[1] + p[2], noise = opsr_noise(f, batches + i);
+        if (before[i] > 0.0f) noise *= light / before[i];
+        out->error[i] = black ? 1.0f : noise == 0.0f ? 0.0f : fminf(1.65f * noise / (fmaxf(light, 0.0f) + (float)(sum / (30.0 * (double)n))), 1.0f);
+    }
+    return opsr_tent(out->error, f->width, f->height, 1, 1);
+}
+
 /* Chooses. 0, or -1 where there is not enough memory. */
 static int opsr_resolve(const opsr_film *f, const opsr_resolved *out) {
     size_t n = (size_t)f->width * f->height;
@@ -646,8 +685,9 @@ static int opsr_resolve(const opsr_film *f, const opsr_resolved *out) {
     opsr_coarse coarse[2] = {{0, NULL, NULL}, {0, NULL, NULL}};
     float *own = (float *)malloc(n * 3 * sizeof(float)), *dark = (float *)malloc(n * 3 * sizeof(float));
     float *stated = (float *)malloc(n * sizeof(float)), *layer = (float *)malloc(n * 3 * sizeof(float));
-    float *factors = (float *)malloc(cells * 3 * sizeof(float));
-    int failed = !own || !dark || !stated || !layer || !factors || opsr_weights(f, own, dark, stated);
+    float *factors = (float *)malloc(cells * 3 * sizeof(float)), *before = (float *)calloc(n, sizeof(float));
+    opsr_light *batches = (opsr_light *)calloc(n, sizeof(opsr_light));
+    int failed = !own || !dark || !stated || !layer || !factors || !before || !batches || opsr_weights(f, own, dark, stated);
     memset(out->picture, 0, n * 3 * sizeof(float));
     memset(out->bias2, 0, n * sizeof(float));
     memset(out->variance, 0, n * sizeof(float));
@@ -656,10 +696,13 @@ static int opsr_resolve(const opsr_film *f, const opsr_resolved *out) {
         float kappa = rough ? 0.25f : 0.0f;
         failed = opsr_coarse_of(f, !rough, coarse + rough);
         if (!failed) failed = rough ? opsr_of_roughened(f, coarse + 1, all, &count) : opsr_of_shared(f, all, &count);
-        if (!failed) failed = opsr_choose(f, all, count, own, dark, kappa, layer, rough ? out->level : NULL, out->bias2, out->variance);
+        if (!failed) failed = opsr_choose(f, all, count, own, dark, kappa, layer, rough ? out->level : NULL, out->bias2, out->variance, batches);
         if (!failed) failed = opsr_energy(f, coarse + rough, layer, factors);
         for (size_t i = 0; !failed && i < n; i++)
-            for (int c = 0; c < 3; c++) out->picture[i * 3 + c] += layer[i * 3 + c] * opsr_corners(g, factors, 3, c, (int)i);
+            for (int c = 0; c < 3; c++) {
+                before[i] += layer[i * 3 + c];
+                out->picture[i * 3 + c] += layer[i * 3 + c] * opsr_corners(g, factors, 3, c, (int)i);
+            }
         for (int k = 0; k < count; k++) {
             free(all[k].light);
             free(all[k].missing);
@@ -671,7 +714,8 @@ static int opsr_resolve(const opsr_film *f, const opsr_resolved *out) {
         out->bias2[i] *= stated[i];
         out->variance[i] *= stated[i];
     }
-    free(own); free(dark); free(stated); free(layer); free(factors);
+    if (!failed) failed = opsr_errors(f, batches, before, out);
+    free(own); free(dark); free(stated); free(layer); free(factors); free(before); free(batches);
     return failed ? -1 : 0;
 }
 
@@ -708,32 +752,33 @@ static void opsr_test_film(float *light, float *features) {
     }
 }
 
-/* Red, green, blue and relative squared error of every 41st pixel of the choice with OPSR_DEFAULT. */
-static const float opsr_test_expected[10][4] = {
-    {0.4547853f, 0.4342726f, 0.4137600f, 3.7010037e-4f},
-    {0.3009705f, 0.2957514f, 0.2905323f, 8.7515259e-4f},
-    {0.4576531f, 0.4368371f, 0.4160210f, 4.4856817e-5f},
-    {0.4536692f, 0.4333988f, 0.4131284f, 2.8360897e-5f},
-    {0.3035193f, 0.2982576f, 0.2929958f, 4.9883255e-4f},
-    {0.4514976f, 0.4310620f, 0.4106266f, 1.7382258e-4f},
-    {0.4551950f, 0.4346627f, 0.4141304f, 7.8728808e-5f},
-    {0.3008808f, 0.2956766f, 0.2904724f, 3.5432522e-4f},
-    {0.3047616f, 0.2991607f, 0.2935599f, 1.5992015e-4f},
-    {0.4804944f, 0.4576512f, 0.4348080f, 9.0079592e-4f},
+/* Red, green, blue, relative squared error and error map of every 41st pixel of the choice with OPSR_DEFAULT. */
+static const float opsr_test_expected[10][5] = {
+    {0.4547853f, 0.4342726f, 0.4137600f, 3.7010037e-4f, 0.0185516f},
+    {0.3009705f, 0.2957514f, 0.2905323f, 8.7515259e-4f, 0.0131578f},
+    {0.4576531f, 0.4368371f, 0.4160210f, 4.4856817e-5f, 0.0091470f},
+    {0.4536692f, 0.4333988f, 0.4131284f, 2.8360897e-5f, 0.0123861f},
+    {0.3035193f, 0.2982576f, 0.2929958f, 4.9883255e-4f, 0.0177289f},
+    {0.4514976f, 0.4310620f, 0.4106266f, 1.7382258e-4f, 0.0149300f},
+    {0.4551950f, 0.4346627f, 0.4141304f, 7.8728808e-5f, 0.0144842f},
+    {0.3008808f, 0.2956766f, 0.2904724f, 3.5432522e-4f, 0.0144638f},
+    {0.3047616f, 0.2991607f, 0.2935599f, 1.5992015e-4f, 0.0149257f},
+    {0.4804944f, 0.4576512f, 0.4348080f, 9.0079592e-4f, 0.0219387f},
 };
 
 /* 0 if the choice on this machine is the expected one. */
 static int opsr_resolve_test(void) {
     static float light[(OPSR_TEST_LEVELS + 1) * 4 * OPSR_TEST_PIXELS * 3], features[OPSR_TEST_PIXELS * OPSR_FEATURES];
-    static float picture[OPSR_TEST_PIXELS * 3], bias2[OPSR_TEST_PIXELS], variance[OPSR_TEST_PIXELS];
+    static float picture[OPSR_TEST_PIXELS * 3], bias2[OPSR_TEST_PIXELS], variance[OPSR_TEST_PIXELS], error[OPSR_TEST_PIXELS];
     static unsigned char level[OPSR_TEST_PIXELS];
     opsr_film film = {OPSR_TEST_WIDTH, OPSR_TEST_HEIGHT, OPSR_TEST_LEVELS, light, features, {0.25f, 0.25f, 0.25f, 0.25f}, OPSR_DEFAULT};
-    opsr_resolved out = {picture, level, bias2, variance};
+    opsr_resolved out = {picture, level, bias2, variance, error};
     opsr_test_film(light, features);
     if (opsr_resolve(&film, &out)) return -1;
     for (int i = 0; i < 10; i++)
-        for (int c = 0; c < 4; c++) {
-            float found = c < 3 ? picture[i * 41 * 3 + c] : bias2[i * 41] + variance[i * 41], expected = opsr_test_expected[i][c];
+        for (int c = 0; c < 5; c++) {
+            float square = bias2[i * 41] + variance[i * 41], expected = opsr_test_expected[i][c];
+            float found = c < 3 ? picture[i * 41 * 3 + c] : c < 4 ? square : error[i * 41];
             if (!(fabsf(found - expected) <= 2e-3f * fabsf(expected) + 1e-7f)) return 1 + i;
         }
     return 0;

@@ -31,16 +31,16 @@ int main(int argc, char **argv)
     if (fread(head, 4, 4, stdin) != 4) return 1;
     n = head[0] * head[1];
     float *light = malloc((size_t)n * 48 * (size_t)(head[2] + 1)), *features = malloc((size_t)n * 44);
-    float *picture = malloc((size_t)n * 12), *bias2 = malloc((size_t)n * 4), *variance = malloc((size_t)n * 4);
+    float *picture = malloc((size_t)n * 12), *bias2 = malloc((size_t)n * 4), *variance = malloc((size_t)n * 4), *error = malloc((size_t)n * 4);
     unsigned char *level = malloc((size_t)n);
     if (fread(light, 48 * (size_t)(head[2] + 1), (size_t)n, stdin) != (size_t)n) return 2;
     if (fread(features, 44, (size_t)n, stdin) != (size_t)n) return 3;
     opsr_film film = {head[0], head[1], head[2], light, features, {0.25f, 0.25f, 0.25f, 0.25f}, head[3]};
-    opsr_resolved out = {picture, level, bias2, variance};
+    opsr_resolved out = {picture, level, bias2, variance, error};
     if (opsr_scales[3] != 16.0f) return 4;
     if (head[2] == 4 && head[3] == OPSR_DEFAULT ? choose(head[0], head[1], light, features, out) != 0 : opsr_resolve(&film, &out)) return 6;
-    failed = WRITE(picture, n * 3) + WRITE(bias2, n) + WRITE(variance, n) + WRITE(level, n);
-    free(light); free(features); free(picture); free(bias2); free(variance); free(level);
+    failed = WRITE(picture, n * 3) + WRITE(bias2, n) + WRITE(variance, n) + WRITE(error, n) + WRITE(level, n);
+    free(light); free(features); free(picture); free(bias2); free(variance); free(error); free(level);
     return failed ? 5 : 0;
 }
 "#;
@@ -131,13 +131,15 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
 /// Runs the program on a film and compares what it chooses. Where two candidates are as good to the last digits either may
 /// be chosen.
 fn compare(program: &Path, arrays: &Arrays, how: Resolve, smoothing: u32) {
+    let resolved = resolve_film(&arrays.film(), how);
+    let (error, stated) = (resolved.error(), resolved.statement().mean);
     let Resolved {
         picture,
         level,
         bias2,
         variance,
         ..
-    } = resolve_film(&arrays.film(), how);
+    } = resolved;
     let [w, h] = arrays.size.map(|side| side as u32);
     let mut input: Vec<u8> = [w, h, arrays.levels as u32, smoothing]
         .iter()
@@ -155,13 +157,18 @@ fn compare(program: &Path, arrays: &Arrays, how: Resolve, smoothing: u32) {
     let output = run.wait_with_output().unwrap();
     succeeded("the compiled choice", &output);
     let n = arrays.pixels();
-    let (numbers, levels) = output.stdout.split_at(20 * n);
+    let (numbers, levels) = output.stdout.split_at(24 * n);
     let numbers = floats(numbers);
     let pixels = picture.pixels.iter().flat_map(|p| p.to_array());
-    let expected: Vec<f32> = pixels.chain(bias2).chain(variance).collect();
+    let expected: Vec<f32> = pixels.chain(bias2).chain(variance).chain(error).collect();
     let near = |(a, b): &(&f32, &f32)| (*a - *b).abs() <= 2e-3 * b.abs() + 1e-5;
     let right = numbers.iter().zip(&expected).filter(near).count();
-    assert!(right * 100 >= 99 * 5 * n, "{how:?}: {right} of {}", 5 * n);
+    assert!(right * 100 >= 99 * 6 * n, "{how:?}: {right} of {}", 6 * n);
+    let mean = numbers[5 * n..].iter().map(|&e| f64::from(e)).sum::<f64>() / n as f64;
+    assert!(
+        (mean / stated - 1.0).abs() < 0.02,
+        "{how:?}: {mean} {stated}"
+    );
     let same = levels.iter().zip(&level).filter(|(a, b)| a == b).count();
     assert!(same * 100 >= 99 * n, "{how:?}: {same} of {n} levels");
     assert!(
