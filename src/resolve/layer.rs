@@ -15,10 +15,11 @@ const SCALES: [(usize, f32); 2] = [(RADIUS, 19.0 / 81.0), (WIDE_RADIUS, 231.0 / 
 /// The larger of them.
 pub(super) const WIDE_RADIUS: usize = 3;
 
-/// Standard deviations of the smoothed U without bias from which a difference is significant.
+/// Standard deviations of the smoothed U without bias from which a difference of four batches is significant; of fewer more of them, since
+/// their variance is known less. Measured in docs/lab/resolve.md.
 const SIGNIFICANT: f32 = 4.0;
 
-/// Share that counts of a difference that is not, at most the U of the wider radius.
+/// Share that counts of a difference of four batches that is not, at most the U of the wider radius; of fewer as the square of their number.
 const DOUBTFUL: f32 = 0.4;
 
 /// Radius in pixels of the filter of the shares of candidates.
@@ -166,6 +167,7 @@ fn bias(
         &weights.own
     };
     let mut all = vec![0.0f32; weights.len()];
+    let share = DOUBTFUL * (batches as f32 / BATCHES as f32).powi(2);
     for &anchor in &one.sharper {
         let pairs = one.light.iter().zip(&candidates[anchor].light);
         let difference = |(ours, theirs): (&[Vec3A; BATCHES], &[Vec3A; BATCHES])| {
@@ -184,7 +186,7 @@ fn bias(
         let mut biases = weighted(&smooth, weights);
         for (bias, most) in biases.iter_mut().zip(most.iter().flatten()) {
             if *most < f32::INFINITY {
-                *bias = (DOUBTFUL * *bias).min(*most);
+                *bias = (share * *bias).min(*most);
             }
         }
         for ((all, bias), noise) in all.iter_mut().zip(biases).zip(&variance[anchor]) {
@@ -209,7 +211,8 @@ fn doubtful(
         .collect();
     let (squares, variances) = (weighted(squares, weights), weighted(&variances, weights));
     let b = batches as f32;
-    let z = SIGNIFICANT * (2.0 * b / (b - 1.0)).sqrt();
+    let fewer = BATCHES as f32 / b;
+    let z = SIGNIFICANT * fewer * (2.0 * b / (b - 1.0)).sqrt();
     let mut most = vec![0.0f32; squares.len()];
     for (radius, norm) in SCALES {
         let (mut square, mut variance) = (squares.clone(), variances.clone());
