@@ -15,8 +15,7 @@ const SCALES: [(usize, f32); 2] = [(RADIUS, 19.0 / 81.0), (WIDE_RADIUS, 231.0 / 
 /// The larger of them.
 pub(super) const WIDE_RADIUS: usize = 3;
 
-/// Standard deviations of the smoothed U without bias from which a difference of four batches is significant; of fewer more of them, since
-/// their variance is known less. Measured in docs/lab/resolve.md.
+/// Standard deviations of the smoothed U without bias from which a difference of four batches is significant; more of fewer.
 const SIGNIFICANT: f32 = 4.0;
 
 /// Share that counts of a difference of four batches that is not, at most the U of the wider radius; of fewer as the square of their number.
