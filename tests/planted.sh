@@ -199,7 +199,7 @@ plant "one level: tiles have too little around them" src/resolve/tiles.rs \
     's/let blur = blur\.max\(wide\.map_or\(0, \|wide\| reach\(rest\(wide\)\) \+ reach\(BASE\)\)\);/let _ = wide;/' \
     lib::resolve::tests::resolve_in_tiles_has_the_bytes_of_the_whole
 plant "one level: chance counts as it stands" src/resolve/layer.rs \
-    's/\(DOUBTFUL \* \*bias\)\.min\(\*most\)/DOUBTFUL * *bias/' lib::resolve::tests::an_even_floor_has_no_pepper
+    's/\(share \* \*bias\)\.min\(\*most\)/share * *bias/' lib::resolve::tests::an_even_floor_has_no_pepper
 plant "one level: discs of fireflies" src/resolve/tiles.rs \
     's/self\.cap\(&mut only\);//' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
 plant "one level: discs of glints" src/resolve/tiles.rs \
