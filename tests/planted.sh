@@ -231,9 +231,14 @@ plant "film: the stated error stays" crates/frames/src/average.rs \
 plant "film: bright samples are no noise" crates/frames/src/average.rs \
     's/square\.max\(error \* error\)/error * error/' frames::tests::bright_samples_are_noise
 plant "resolve: two batches count as four" src/resolve/tiles.rs \
-    's/let batches = self\.whole\.batches/let batches = BATCHES/' resolve::tests::two_samples_are_resolved
+    's/let batches = self\.whole\.roughened\.count/let batches = BATCHES/' lib::resolve::tests::two_samples_are_resolved
+plant "resolve: two batches are believed as four" src/resolve/layer.rs \
+    's/SIGNIFICANT \* BATCHES as f32 \/ b/SIGNIFICANT/' lib::resolve::tests::an_even_floor_has_no_pepper
+plant "resolve: a denoised picture of two samples states an error" src/resolve/denoised.rs \
+    's/Resolved::unknown\(film\)/resolved/' \
+    lib::resolve::tests::failures_of_a_filter_are_handed_on_and_few_samples_are_filtered_as_they_are
 plant "resolve: an error map of the noise alone" src/resolve/mod.rs \
-    's/statement::map\(self\.picture\.size\(\), errors\)/statement::map(self.picture.size(), errors.map(|e| 0.6 * e))/' \
+    's/statement::smoothed\(self\.picture\.size\(\), errors\)/statement::smoothed(self.picture.size(), errors.map(|e| 0.6 * e))/' \
     statement::error_map_has_the_mean_that_is_stated
 plant "formats: differences of meshopt turn the wrong way" crates/formats/src/compressed/meshopt.rs \
     's/rotate_right/rotate_left/' formats::compressed::tests::channels_of_turned_differences_are_decoded

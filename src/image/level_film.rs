@@ -364,11 +364,8 @@ impl LevelFilm {
                 .iter_mut()
                 .for_each(|lacking| *lacking += 1);
         }
-        let most = self.counts.len() / 100;
-        lacking
-            .iter()
-            .take_while(|lacking| **lacking <= most)
-            .count()
+        let enough = |lacking: &&usize| 100 * **lacking <= self.counts.len();
+        lacking.iter().take_while(enough).count()
     }
 
     /// The film with a sample in every batch that has samples, and none beyond: where one has none, since all were

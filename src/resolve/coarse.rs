@@ -64,8 +64,8 @@ pub(super) struct Coarse {
     cells: Size,
     /// Means of the batches in every cell, by level.
     levels: Vec<[Vec<Vec3A>; BATCHES]>,
-    /// B: batches that have samples.
-    batches: usize,
+    /// B: batches that have samples, the first ones.
+    pub(super) count: usize,
     /// M of every cell, by level.
     hits: Vec<Vec<f32>>,
 }
@@ -128,7 +128,7 @@ impl Coarse {
             pixels,
             cells,
             levels,
-            batches: film.batches(),
+            count: film.batches(),
             hits,
         }
     }
@@ -147,7 +147,7 @@ impl Coarse {
             // Beside a hit the wider scale has light, and the narrow one has met nothing.
             let [wide, narrow] = std::array::from_fn(|scale| roughest[scale] - light[scale]);
             Missing {
-                variance: wide.max(narrow).max(Vec3A::ZERO) * size / self.batches as f32,
+                variance: wide.max(narrow).max(Vec3A::ZERO) * size / self.count as f32,
                 expected: self.expected(WINDOW, roughest[0], size),
             }
         })
@@ -179,7 +179,7 @@ impl Coarse {
             .iter()
             .map(|level| level.each_ref().map(|batch| batch[cell]))
             .collect();
-        let count = self.batches;
+        let count = self.count;
         let mean = |level: usize| batches[level].iter().sum::<Vec3A>() / count as f32;
         let grey = |light: Vec3A| light.element_sum() / 3.0;
         let roughest = mean(levels.len() - 1);
@@ -209,7 +209,7 @@ impl Coarse {
     /// Hits expected among so many pixels of this light that comes in hits of this size.
     fn expected(&self, pixels: f32, light: Vec3A, size: f32) -> f32 {
         let light = light.element_sum() / 3.0;
-        pixels * self.batches as f32 * light / size.max(f32::MIN_POSITIVE)
+        pixels * self.count as f32 * light / size.max(f32::MIN_POSITIVE)
     }
 
     /// Its size in cells.

@@ -53,15 +53,16 @@ pub struct Denoised {
 }
 
 /// Mixes the choice among the levels of a film with the picture of a denoiser, any function of a picture; fails where that
-/// does. A film of fewer than four samples has no batches to judge by: it is denoised as it is.
+/// does. A film of fewer than four samples has no batches to judge by: its samples are denoised, and nothing is known of the error.
 pub fn denoise_film<E>(
     film: &LevelFilm,
-    mut resolved: Resolved,
+    resolved: Resolved,
     denoise: impl Fn(&Buffer) -> Result<Buffer, E>,
 ) -> Result<Denoised, E> {
     let complete = film.complete().filter(|film| film.batches() == BATCHES);
     let Some(film) = complete else {
-        resolved.picture = denoise(&film.mean(0))?;
+        let mut resolved = Resolved::unknown(film);
+        resolved.picture = denoise(&resolved.picture)?;
         return Ok(Denoised { resolved, fed: 0 });
     };
     let film = film.as_ref();

@@ -197,7 +197,7 @@ fn bias(
 
 /// Most bias that U shows where it may be a chance of few batches: that of the wider radius. Infinite where U is significant at one of
 /// the [`SCALES`]. Without bias the variance of U is 2 B / (B − 1) times the square of the variance of the mean of B batches. Without
-/// this test a pixel in two hundred takes the picture as it is, by chance.
+/// this test a pixel in two hundred takes the picture as it is, by chance. The variance of fewer batches is known less.
 fn doubtful(
     size: Size,
     squares: &[Vec3A],
@@ -210,8 +210,7 @@ fn doubtful(
         .collect();
     let (squares, variances) = (weighted(squares, weights), weighted(&variances, weights));
     let b = batches as f32;
-    let fewer = BATCHES as f32 / b;
-    let z = SIGNIFICANT * fewer * (2.0 * b / (b - 1.0)).sqrt();
+    let z = SIGNIFICANT * BATCHES as f32 / b * (2.0 * b / (b - 1.0)).sqrt();
     let mut most = vec![0.0f32; squares.len()];
     for (radius, norm) in SCALES {
         let (mut square, mut variance) = (squares.clone(), variances.clone());

@@ -131,15 +131,31 @@ pub struct Resolved {
 }
 
 impl Resolved {
+    /// Level 0 of a film, of whose error nothing is known.
+    fn unknown(film: &LevelFilm) -> Self {
+        let picture = film.mean(0);
+        let pixels = picture.pixels.len();
+        Self {
+            picture,
+            level: vec![0; pixels],
+            bias2: vec![0.0; pixels],
+            variance: vec![f32::INFINITY; pixels],
+            noise: vec![f32::INFINITY; pixels],
+        }
+    }
+
     /// Error map: the relative error to be expected of every pixel, without a reference. Its mean is the average error of the
-    /// [statement](Self::statement), to what the border adds.
+    /// [statement](Self::statement), to what the border adds. Infinite where nothing is known.
     pub fn error(&self) -> Vec<f32> {
         let pixels = &self.picture.pixels;
+        if !self.is_known() {
+            return vec![f32::INFINITY; pixels.len()];
+        }
         if pixels.iter().all(|p| *p == Rgb::ZERO) {
             return vec![1.0; pixels.len()];
         }
         let errors = statement::errors_of_resolved(pixels, &self.noise);
-        statement::map(self.picture.size(), errors)
+        statement::smoothed(self.picture.size(), errors)
     }
 
     /// Squared relative error to be expected of every pixel, bias and variance; their mean is the squared root of the
@@ -167,7 +183,7 @@ impl Resolved {
 
     /// Stated error of the picture, 1 if it is black.
     pub fn statement(&self) -> Statement {
-        if self.variance.contains(&f32::INFINITY) {
+        if !self.is_known() {
             return Statement::UNKNOWN;
         }
         if self.picture.pixels.iter().all(|p| *p == Rgb::ZERO) {
@@ -182,15 +198,7 @@ impl Resolved {
 /// noise estimate: its picture is level 0, its error infinite.
 pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
     let Some(complete) = film.complete() else {
-        let picture = film.mean(0);
-        let pixels = picture.pixels.len();
-        return Resolved {
-            picture,
-            level: vec![0; pixels],
-            bias2: vec![0.0; pixels],
-            variance: vec![f32::INFINITY; pixels],
-            noise: vec![f32::INFINITY; pixels],
-        };
+        return Resolved::unknown(film);
     };
     let mut resolved = resolve(&complete, Limits::of(settings, film.levels()), TILE);
     if settings == Resolve::None {
@@ -247,7 +255,6 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
         roughened: Coarse::roughened(film),
         caps: Caps::of(film, blurred),
         shares: film.shares(),
-        batches: film.batches(),
         gain: gain(film.means(film.levels() - 1)),
         limits,
     };

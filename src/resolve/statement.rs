@@ -140,12 +140,12 @@ pub fn film_errors(film: &Film) -> Option<Vec<f32>> {
     match state(film) {
         State::Unknown => None,
         State::Black => Some(vec![1.0; film.pixels.len()]),
-        State::Lit => Some(map(size, errors_of_film(film))),
+        State::Lit => Some(smoothed(size, errors_of_film(film))),
     }
 }
 
 /// The error map, from expected relative errors of pixels.
-pub(super) fn map(size: Size, errors: impl Iterator<Item = f64>) -> Vec<f32> {
+pub(super) fn smoothed(size: Size, errors: impl Iterator<Item = f64>) -> Vec<f32> {
     let mut errors = errors.map(|error| error as f32).collect::<Vec<_>>();
     tent(size, RADIUS, &mut errors);
     errors

@@ -34,16 +34,15 @@ const BAND: usize = 4;
 pub(super) fn factors(film: &LevelFilm, light: &Coarse, caps: &Caps, picture: &[Rgb]) -> Vec<Rgb> {
     let window = film.window();
     let width = window.w as usize;
-    let batches = film.batches();
     let have = light.means(|pixel| picture[pixel].into());
     let cells = light.cells();
     let guide = Guide::new(cells, Surface::Rough, &features_of_cells(film, cells));
     let cut = light.means(|pixel| {
         let cap = caps.at((pixel % width, pixel / width));
         let above = |batch| (only_light(film, pixel, batch) - cap).max(Vec3A::ZERO);
-        (0..batches).map(above).sum::<Vec3A>() / batches as f32
+        (0..light.count).map(above).sum::<Vec3A>() / light.count as f32
     });
-    let of_cells = factors_of_cells(&guide, cells, &light.batches(), batches, [&have, &cut]);
+    let of_cells = factors_of_cells(&guide, cells, light, [&have, &cut]);
     let mut factors = vec![Rgb::ONE; picture.len()];
     let bands = factors.par_chunks_mut(width * CELL * BAND).enumerate();
     bands.for_each(|(band, factors)| {
@@ -89,12 +88,11 @@ fn features_of_cells(film: &LevelFilm, (columns, rows): Size) -> Vec<Features> {
     (0..rows).into_par_iter().flat_map_iter(row).collect()
 }
 
-/// f of every cell, from the batches there, of which the first `count` have samples, the chosen light and what was cut.
+/// f of every cell, from the light there, the chosen light and what was cut.
 fn factors_of_cells(
     guide: &Guide,
     cells: Size,
-    batches: &Batches,
-    count: usize,
+    light: &Coarse,
     [have, cut]: [&[Vec3A]; 2],
 ) -> Vec<Vec3A> {
     let inner = Inner {
@@ -102,7 +100,7 @@ fn factors_of_cells(
         size: cells,
         width: cells.0,
     };
-    let lacks: Batches = (batches.iter().zip(have))
+    let lacks: Batches = (light.batches().iter().zip(have))
         .map(|(batches, have)| batches.map(|light| light - *have))
         .collect();
     let [have, cut] = [have, cut]
@@ -112,8 +110,8 @@ fn factors_of_cells(
     cells
         .map(|cell| {
             let [lacks, have, cut] = [0, 1, 2].map(|layer: usize| blurred[layer][cell]);
-            let lacks = &lacks[..count];
-            let mean = lacks.iter().sum::<Vec3A>() / count as f32;
+            let lacks = &lacks[..light.count];
+            let mean = lacks.iter().sum::<Vec3A>() / light.count as f32;
             let more = mean.min(cut[0]).max(Vec3A::ZERO);
             brought(have[0], more, variance_of_mean(lacks)).min(Vec3A::splat(MOST))
         })

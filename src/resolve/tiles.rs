@@ -34,8 +34,6 @@ pub(super) struct Shared<'a> {
     pub(super) caps: Caps,
     /// Share of each batch in the samples.
     pub(super) shares: [f32; BATCHES],
-    /// Batches that have samples.
-    pub(super) batches: usize,
     /// Factor that makes the mean of the picture 0.3.
     pub(super) gain: f32,
     pub(super) limits: Limits,
@@ -210,7 +208,7 @@ impl<'a> Part<'a> {
         let weights = self.weights(&shared, &all[count - 1]);
         let size = self.inner.size;
         let limits = &self.whole.limits;
-        let batches = self.whole.batches;
+        let batches = self.whole.roughened.count;
 
         let candidates = self.of_shared(shared, &features);
         let p = Choice::of(size, &candidates, &weights.0, limits.kappa[0], batches);

@@ -102,7 +102,7 @@ pub fn mean_relative_error(test: &Buffer, reference: &Buffer) -> Result<Metric, 
     ))
 }
 
-/// The same pixel by pixel.
+/// Terms of [`mean_relative_error`], pixel by pixel.
 pub fn relative_error_map(test: &Buffer, reference: &Buffer) -> Result<Vec<f64>, MetricError> {
     check(test, reference)?;
     let pairs = test.pixels.iter().zip(&reference.pixels);
@@ -121,7 +121,7 @@ fn floor(light: impl Iterator<Item = f64>) -> f64 {
     sum / (30 * count.max(1)) as f64
 }
 
-/// Terms of [`mean_relative_error`], those of pixels of this light and these absolute errors, the channels of each added up.
+/// [`relative_error_map`] of pixels of this light and these absolute errors, the channels of each added up.
 pub(crate) fn relative_errors(
     light: impl Iterator<Item = f64> + Clone,
     errors: impl Iterator<Item = f64>,

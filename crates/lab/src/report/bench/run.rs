@@ -455,7 +455,7 @@ impl Look<'_> {
         let mut errors = errors(&shown, self.reference, self.scene.exposure)
             .map_err(|e: MetricError| e.to_string())?;
         if let Some(resolved) = resolved.filter(|r| r.picture == shown) {
-            // Of fewer samples than batches the estimate is infinite.
+            // Of one sample the estimate is infinite.
             let map = error_map(&resolved, self.reference).map_err(|e| e.to_string())?;
             errors.extend(map.into_iter().filter(|(_, value)| value.is_finite()));
         }
