@@ -1,7 +1,7 @@
 //! Windows of a pixel, and the choice among them.
 //!
 //! With v_g the light of a surface in frame g, w_g the share of it that is seen there, and s_g the variance that the frame states, by
-//! its error map and its squared errors, the larger one,
+//! its squared errors, or of raw means by its error map,
 //!
 //! ```text
 //! W_r  = Σ w_g v_g / Σ w_g                              over the frames within r of this one; w = 1 for its own
@@ -115,14 +115,12 @@ pub(crate) fn variance(frame: &Frame) -> Vec<f32> {
         values: frame.picture.pixels.iter().map(|p| grey(*p)).collect(),
     };
     let brightness = brightness.box_filtered(1).values;
-    // A bright sample is in the squares, which are not smoothed.
-    let square = |i: usize| {
-        let error = frame.error.get(i).map_or(UNKNOWN, |e| e.min(UNKNOWN));
-        let square = frame
-            .squares
-            .get(i)
-            .map_or(0.0, |s| s.min(UNKNOWN * UNKNOWN));
-        square.max(error * error)
+    // The error map has more than noise in it, and smooths bright samples.
+    let square = |i: usize| match frame.squares.get(i) {
+        Some(square) => square.min(UNKNOWN * UNKNOWN),
+        None => (frame.error.get(i))
+            .map_or(UNKNOWN, |e| e.min(UNKNOWN))
+            .powi(2),
     };
     let pixels = brightness.iter().enumerate();
     pixels
