@@ -335,12 +335,19 @@ impl LevelFilm {
 
     /// Means of the features.
     pub fn features(&self) -> Vec<Features> {
+        self.features_of(&self.window)
+    }
+
+    /// Means of the features of a part of the window.
+    pub(crate) fn features_of(&self, part: &Window) -> Vec<Features> {
         let mean = |index: usize| {
             let n = self.counts[index].iter().sum::<u32>().max(1) as f32;
             let carried = (self.carried.as_ref()).map_or([0.0; FEATURES], |c| c.features[index]);
             std::array::from_fn(|i| (carried[i] + self.features[index][i]) / n)
         };
-        (0..self.window.len()).map(mean).collect()
+        let rows = (0..part.h).map(|row| self.row(part, row));
+        let pixels = rows.flat_map(|(first, _, w)| first..first + w);
+        pixels.map(mean).collect()
     }
 
     /// Share of each batch in the samples of all pixels.

@@ -97,23 +97,26 @@ impl Coarse {
         let window = film.window();
         let pixels = (window.w as usize, window.h as usize);
         let cells = (pixels.0.div_ceil(CELL), pixels.1.div_ceil(CELL));
-        let level = |level: usize| {
-            let mut means: [Vec<Vec3A>; BATCHES] =
-                std::array::from_fn(|_| vec![Vec3A::ZERO; cells.0 * cells.1]);
-            let mut moments = [(); 2].map(|()| vec![0.0f32; cells.0 * cells.1]);
-            for cell in 0..cells.0 * cells.1 {
-                let inside = pixels_of(pixels, cells, cell);
-                let part = 1.0 / inside.clone().count() as f32;
-                for pixel in inside {
-                    for (batch, means) in means.iter_mut().enumerate() {
-                        let light = light(pixel, batch, level);
-                        means[cell] += part * light;
-                        let grey = light.element_sum() / 3.0;
-                        moments[0][cell] += part * grey;
-                        moments[1][cell] += part * grey * grey;
-                    }
+        let cell = |level: usize, cell: usize| {
+            let inside = pixels_of(pixels, cells, cell);
+            let part = 1.0 / inside.clone().count() as f32;
+            let (mut means, mut moments) = ([Vec3A::ZERO; BATCHES], [0.0f32; 2]);
+            for pixel in inside {
+                for (batch, mean) in means.iter_mut().enumerate() {
+                    let light = light(pixel, batch, level);
+                    *mean += part * light;
+                    let grey = light.element_sum() / 3.0;
+                    moments[0] += part * grey;
+                    moments[1] += part * grey * grey;
                 }
             }
+            (means, moments)
+        };
+        let level = |level: usize| {
+            let all = (0..cells.0 * cells.1).into_par_iter();
+            let all: Vec<_> = all.map(|number| cell(level, number)).collect();
+            let means = std::array::from_fn(|b| all.iter().map(|(means, _)| means[b]).collect());
+            let moments = [0, 1].map(|m| all.iter().map(|(_, moments)| moments[m]).collect());
             (means, size_of_hits(cells, &moments))
         };
         let all: Vec<_> = (0..levels).into_par_iter().map(level).collect();
@@ -155,12 +158,12 @@ impl Coarse {
 
     /// Factors that bring a picture, in its own pixels, to the energy of the best level at this scale: the rule of levels,
     /// where a level that is too dark for what it should have met is not believed.
-    pub(super) fn energy(mut self, picture: impl Fn(usize) -> Vec3A) -> Energy {
+    pub(super) fn energy(mut self, picture: impl Fn(usize) -> Vec3A + Sync) -> Energy {
         let (pixels, cells) = (self.pixels, self.cells);
         (self.levels.par_iter_mut().flatten()).for_each(|plane| tent(cells, RADIUS, plane));
         let mut have = self.means(picture);
         tent(cells, RADIUS, &mut have);
-        let factors = have.iter().enumerate();
+        let factors = have.par_iter().enumerate();
         let mut factors: Vec<Vec3A> = factors
             .map(|(cell, have)| self.factor(cell, *have))
             .collect();
@@ -225,13 +228,14 @@ impl Coarse {
     }
 
     /// Means of a picture, in its own pixels, in every cell.
-    pub(super) fn means(&self, picture: impl Fn(usize) -> Vec3A) -> Vec<Vec3A> {
+    pub(super) fn means(&self, picture: impl Fn(usize) -> Vec3A + Sync) -> Vec<Vec3A> {
         let of = |cell: usize| {
             let inside = pixels_of(self.pixels, self.cells, cell);
             let count = inside.clone().count() as f32;
             inside.map(&picture).sum::<Vec3A>() / count
         };
-        (0..self.cells.0 * self.cells.1).map(of).collect()
+        let cells = 0..self.cells.0 * self.cells.1;
+        cells.into_par_iter().map(of).collect()
     }
 }
 
@@ -314,15 +318,12 @@ pub(super) struct Caps {
 impl Caps {
     /// Caps of light by pixel and batch: a multiple of the median of batches around, and one of the mean of those that are not
     /// black.
-    pub(super) fn of(film: &LevelFilm, light: impl Fn(usize, usize) -> Vec3A) -> Self {
+    pub(super) fn of(film: &LevelFilm, light: impl Fn(usize, usize) -> Vec3A + Sync) -> Self {
         let window = film.window();
         let pixels = (window.w as usize, window.h as usize);
         let cells = (pixels.0.div_ceil(CELL), pixels.1.div_ceil(CELL));
         let batches = film.batches();
-        let mut medians = Vec::with_capacity(cells.0 * cells.1);
-        let mut means = Vec::with_capacity(cells.0 * cells.1);
-        let mut lit = Vec::with_capacity(cells.0 * cells.1);
-        for cell in 0..cells.0 * cells.1 {
+        let of_cell = |cell: usize| {
             let inside = pixels_of(pixels, cells, cell);
             let part = 1.0 / inside.clone().count() as f32;
             let (mut typical, mut sum, mut count) = (Vec3A::ZERO, Vec3A::ZERO, 0u32);
@@ -330,15 +331,13 @@ impl Caps {
                 let light: [Vec3A; BATCHES] = std::array::from_fn(|batch| light(pixel, batch));
                 typical += part * median(&light[..batches]);
                 sum += light.iter().sum::<Vec3A>();
-                count += light
-                    .iter()
-                    .map(|l| u32::from(*l != Vec3A::ZERO))
-                    .sum::<u32>();
+                let lit = light.iter().filter(|l| **l != Vec3A::ZERO);
+                count += lit.count() as u32;
             }
-            medians.push(typical);
-            means.push(part * sum);
-            lit.push(part * count as f32);
-        }
+            (typical, (part * sum, part * count as f32))
+        };
+        let all = (0..cells.0 * cells.1).into_par_iter().map(of_cell);
+        let (mut medians, (mut means, mut lit)): (Vec<_>, (Vec<_>, Vec<_>)) = all.unzip();
         tent(cells, 1, &mut medians);
         tent(cells, 2, &mut means);
         tent(cells, 2, &mut lit);

@@ -1,6 +1,5 @@
 //! Means over the pixels around.
 
-use std::collections::VecDeque;
 use std::ops::{AddAssign, DivAssign};
 
 /// Width and height.
@@ -15,103 +14,74 @@ where
     boxed(size, radius, values);
 }
 
-/// Mean over the square of radius `radius` around every pixel, in place.
-fn boxed<T>((width, height): Size, radius: usize, values: &mut [T])
+/// Mean over the square of radius `radius`, from 1 to 4, around every pixel, in place.
+fn boxed<T>(size: Size, radius: usize, values: &mut [T])
 where
     T: Copy + Default + AddAssign + DivAssign<f32>,
 {
-    // The usual ones without a loop over what is around.
     match radius {
-        1 if width.min(height) > 2 => boxed_over::<T, 3>((width, height), values),
-        2 if width.min(height) > 4 => boxed_over::<T, 5>((width, height), values),
-        3 if width.min(height) > 6 => boxed_over::<T, 7>((width, height), values),
-        _ => boxed_any((width, height), radius, values),
+        1 => boxed_over::<T, 3>(size, values),
+        2 => boxed_over::<T, 5>(size, values),
+        3 => boxed_over::<T, 7>(size, values),
+        4 => boxed_over::<T, 9>(size, values),
+        _ => unreachable!("a filter of radius {radius}"),
     }
 }
 
-/// The same over squares of `N` pixels a side, an odd number, of pictures that are as large: the same bits.
+/// The same over squares of `N` pixels a side, in one sweep that holds the means along `N` rows.
 fn boxed_over<T, const N: usize>((width, height): Size, values: &mut [T])
 where
     T: Copy + Default + AddAssign + DivAssign<f32>,
 {
     let radius = N / 2;
     let around = |at: usize, end: usize| at.saturating_sub(radius)..(at + radius + 1).min(end);
-    let mut old = Vec::with_capacity(width);
-    for row in values.chunks_exact_mut(width) {
-        old.clear();
-        old.extend_from_slice(row);
-        for x in (0..radius).chain(width - radius..width) {
-            row[x] = mean(&old[around(x, width)]);
-        }
-        for (out, near) in row[radius..].iter_mut().zip(old.array_windows::<N>()) {
-            *out = mean(near);
-        }
-    }
-    let old = values.to_vec();
-    for (y, out) in values.chunks_exact_mut(width).enumerate() {
-        let rows = around(y, height);
-        if rows.len() == N {
-            let near: [&[T]; N] =
-                std::array::from_fn(|i| &old[(rows.start + i) * width..][..width]);
-            for (x, out) in out.iter_mut().enumerate() {
-                *out = mean(&near.map(|row| row[x]));
+    let mut along = vec![T::default(); N * width];
+    for last in 0..height + radius {
+        if last < height {
+            let old = &values[last * width..][..width];
+            let row = &mut along[last % N * width..][..width];
+            let left = radius.min(width);
+            let right = (width - left).max(left);
+            for x in (0..left).chain(right..width) {
+                let near = &old[around(x, width)];
+                row[x] = mean(near.len(), |i| near[i]);
             }
+            // What has all around it, in a long loop.
+            let inner = &mut row[left..right];
+            let count = inner.len();
+            let near: [&[T]; N] =
+                std::array::from_fn(|i| old.get(i..i + count).unwrap_or_default());
+            for (x, out) in inner.iter_mut().enumerate() {
+                *out = mean(N, |i| near[i][x]);
+            }
+        }
+        let Some(y) = last.checked_sub(radius) else {
             continue;
+        };
+        let rows = around(y, height);
+        let row = |y: usize| &along[y % N * width..][..width];
+        let out = &mut values[y * width..][..width];
+        if rows.len() == N {
+            let near: [&[T]; N] = std::array::from_fn(|i| row(rows.start + i));
+            for (x, out) in out.iter_mut().enumerate() {
+                *out = mean(N, |i| near[i][x]);
+            }
+        } else {
+            for (x, out) in out.iter_mut().enumerate() {
+                *out = mean(rows.len(), |i| row(rows.start + i)[x]);
+            }
         }
-        out.fill(T::default());
-        let count = rows.len() as f32;
-        for row in old[rows.start * width..rows.end * width].chunks_exact(width) {
-            out.iter_mut().zip(row).for_each(|(sum, v)| *sum += *v);
-        }
-        out.iter_mut().for_each(|sum| *sum /= count);
     }
 }
 
-/// Their mean.
+/// The mean of so many values.
 #[inline(always)]
-fn mean<T>(values: &[T]) -> T
+fn mean<T>(count: usize, value: impl Fn(usize) -> T) -> T
 where
     T: Copy + Default + AddAssign + DivAssign<f32>,
 {
     let mut mean = T::default();
-    values.iter().for_each(|v| mean += *v);
-    mean /= values.len() as f32;
+    (0..count).for_each(|i| mean += value(i));
+    mean /= count as f32;
     mean
-}
-
-/// The same for any radius.
-fn boxed_any<T>((width, height): Size, radius: usize, values: &mut [T])
-where
-    T: Copy + Default + AddAssign + DivAssign<f32>,
-{
-    let around = |at: usize, end: usize| at.saturating_sub(radius)..(at + radius + 1).min(end);
-    let mut old = Vec::new();
-    for row in values.chunks_mut(width.max(1)) {
-        old.clear();
-        old.extend_from_slice(row);
-        for (x, out) in row.iter_mut().enumerate() {
-            let near = &old[around(x, width)];
-            *out = T::default();
-            near.iter().for_each(|v| *out += *v);
-            *out /= near.len() as f32;
-        }
-    }
-    // The rows above, as they were.
-    let mut above: VecDeque<Vec<T>> = VecDeque::new();
-    for y in 0..height {
-        let mut sum = vec![T::default(); width];
-        let rows = y * width..around(y, height).end * width;
-        let below = values[rows].chunks(width);
-        for row in above.iter().map(Vec::as_slice).chain(below) {
-            sum.iter_mut().zip(row).for_each(|(sum, v)| *sum += *v);
-        }
-        let count = around(y, height).len() as f32;
-        sum.iter_mut().for_each(|sum| *sum /= count);
-        let row = &mut values[y * width..(y + 1) * width];
-        above.push_back(row.to_vec());
-        if above.len() > radius {
-            above.pop_front();
-        }
-        row.copy_from_slice(&sum);
-    }
 }

@@ -39,8 +39,10 @@ pub(super) struct Guide {
     /// Variance of the normals in a pixel on an edge, in the exponent.
     spread: Vec<f32>,
     length: Vec<f32>,
-    /// Difference of lengths that counts as one standard deviation at a pixel, and what a plane adds to it a pixel away.
-    slope: Vec<[f32; 2]>,
+    /// Difference of lengths that counts as one standard deviation at a pixel.
+    here: Vec<f32>,
+    /// What a plane adds to it a pixel away.
+    slope: Vec<f32>,
 }
 
 /// Variance of the normals in pixels on an edge between surfaces, times [`NORMAL`]: of unit normals it is 1 − |mean|². What
@@ -86,15 +88,17 @@ impl Guide {
             let at = |x: usize, y: usize| length[y * width + x];
             let across = (at((x + 1).min(width - 1), y) - at(x.saturating_sub(1), y)).abs();
             let along = (at(x, (y + 1).min(height - 1)) - at(x, y.saturating_sub(1))).abs();
-            let here = LENGTH * length[i] + f32::MIN_POSITIVE.sqrt();
-            [here, 0.25 * across.max(along)]
+            0.25 * across.max(along)
         };
+        let here = |length: &f32| LENGTH * length + f32::MIN_POSITIVE.sqrt();
+        let here = length.iter().map(here).collect();
         let slope = (0..length.len()).map(slope).collect();
         Self {
             size,
             planes,
             spread: spread(size, features, first),
             length,
+            here,
             slope,
         }
     }
@@ -194,31 +198,73 @@ impl Guide {
     fn weights(&self, sigma: f32, d2: f32, pixels: usize, others: usize, weights: &mut [f32]) {
         let count = weights.len();
         let (scale, distance) = (0.5 / (sigma * sigma), d2.sqrt());
-        let add = |weights: &mut [f32], plane: &[f32]| {
-            let pairs = plane[pixels..pixels + count].iter();
-            let pairs = pairs.zip(&plane[others..others + count]);
-            for (weight, (own, other)) in weights.iter_mut().zip(pairs) {
-                *weight += (other - own) * (other - own);
-            }
-        };
         let (normals, reflectance) = self.planes.split_at(3);
-        weights.fill(0.0);
-        normals.iter().for_each(|plane| add(weights, plane));
-        let lengths = self.length[pixels..pixels + count].iter();
-        let lengths = lengths.zip(&self.length[others..others + count]);
-        let slopes = self.slope[pixels..pixels + count].iter();
-        let slopes = slopes.zip(&self.spread[pixels..pixels + count]);
-        for (weight, ((own, other), ([here, slope], spread))) in
-            weights.iter_mut().zip(lengths.zip(slopes))
-        {
-            let step = (other - own) / (here + slope * distance);
-            // A pixel that shows several surfaces takes light of each.
-            *weight = (*weight - spread).max(0.0) + d2 * scale + 0.5 * step * step;
+        let pairs = Pairs {
+            own: self.part(pixels, count),
+            normals: std::array::from_fn(|k| &normals[k][others..others + count]),
+            length: &self.length[others..others + count],
+        };
+        for (i, weight) in weights.iter_mut().enumerate() {
+            *weight = pairs.normals(i) + d2 * scale + pairs.lengths(i, distance);
         }
-        reflectance.iter().for_each(|plane| add(weights, plane));
+        for plane in reflectance {
+            let own = &plane[pixels..pixels + count];
+            let pairs = own.iter().zip(&plane[others..others + count]);
+            let pairs = weights.iter_mut().zip(pairs);
+            pairs.for_each(|(weight, (own, other))| *weight += (other - own) * (other - own));
+        }
         for weight in weights.iter_mut() {
             *weight = negative_exponential(*weight);
         }
+    }
+
+    /// What pixels beside one another show.
+    fn part(&self, first: usize, count: usize) -> Part<'_> {
+        Part {
+            normals: std::array::from_fn(|k| &self.planes[k][first..first + count]),
+            spread: &self.spread[first..first + count],
+            length: &self.length[first..first + count],
+            here: &self.here[first..first + count],
+            slope: &self.slope[first..first + count],
+        }
+    }
+}
+
+/// What pixels beside one another show, as the fields of [`Guide`].
+#[derive(Clone, Copy)]
+struct Part<'a> {
+    normals: [&'a [f32]; 3],
+    spread: &'a [f32],
+    length: &'a [f32],
+    here: &'a [f32],
+    slope: &'a [f32],
+}
+
+/// The same of pixels and as many others: exponents of the weights of these, in loops without branches.
+#[derive(Clone, Copy)]
+struct Pairs<'a> {
+    own: Part<'a>,
+    normals: [&'a [f32]; 3],
+    length: &'a [f32],
+}
+
+impl Pairs<'_> {
+    /// That of the normals. A pixel that shows several surfaces takes light of each.
+    #[inline(always)]
+    fn normals(&self, i: usize) -> f32 {
+        let square = |k: usize| {
+            let apart = self.normals[k][i] - self.own.normals[k][i];
+            apart * apart
+        };
+        (square(0) + square(1) + square(2) - self.own.spread[i]).max(0.0)
+    }
+
+    /// That of the lengths, of pixels so far from one another.
+    #[inline(always)]
+    fn lengths(&self, i: usize, distance: f32) -> f32 {
+        let apart = self.length[i] - self.own.length[i];
+        let step = apart / (self.own.here[i] + self.own.slope[i] * distance);
+        0.5 * step * step
     }
 }
 
@@ -229,39 +275,65 @@ const AROUND: usize = 2;
 const CELLS: f32 = 1.25;
 
 impl Guide {
-    /// The mean of values of the cells around a pixel that show its surface. The pixel by its place in this guide, the cells, of
-    /// `edge` pixels a side, by theirs, and where the pixel lies among them.
+    /// For every pixel of row `y` of this guide the mean of values of the cells around it that show its surface. The cells have
+    /// `edge` pixels a side; `place` is the row as they count.
     pub(super) fn of_cells(
         &self,
-        (x, y): Size,
+        y: usize,
         cells: &Self,
-        place: Size,
+        place: usize,
         edge: usize,
         values: &[Vec3A],
-    ) -> Vec3A {
-        let pixel = y * self.size.0 + x;
-        let around = |at: usize, end: usize| {
-            (at / edge).saturating_sub(AROUND)..(at / edge + AROUND + 1).min(end)
-        };
+    ) -> Vec<Vec3A> {
+        let (width, (columns, rows)) = (self.size.0, cells.size);
         let centre = |cell: usize| (cell * edge) as f32 + 0.5 * (edge - 1) as f32;
         let scale = 0.5 / (CELLS * edge as f32).powi(2);
-        let [here, slope] = self.slope[pixel];
-        let (mut sum, mut all) = (Vec3A::ZERO, 0.0);
-        for v in around(place.1, cells.size.1) {
-            for u in around(place.0, cells.size.0) {
-                let cell = v * cells.size.0 + u;
-                let (dx, dy) = (centre(u) - place.0 as f32, centre(v) - place.1 as f32);
-                let d2 = dx * dx + dy * dy;
-                let planes = self.planes.iter().zip(&cells.planes);
-                let normals: f32 = planes.map(|(a, b)| (a[pixel] - b[cell]).powi(2)).sum();
-                let step = (cells.length[cell] - self.length[pixel]) / (here + slope * d2.sqrt());
-                let surface = (normals - self.spread[pixel]).max(0.0) + 0.5 * step * step;
-                let weight = negative_exponential(surface + d2 * scale);
-                sum += weight * values[cell];
-                all += weight;
+        let mut sums = [(); 3].map(|()| vec![0.0f32; width]);
+        let (mut all, mut weights) = (vec![0.0f32; width], vec![0.0f32; width]);
+        let near = place / edge;
+        for v in near.saturating_sub(AROUND)..(near + AROUND + 1).min(rows) {
+            let dy = centre(v) - place as f32;
+            // A row of cells, as wide as pixels: what lies one cell aside is as far away in all, in long loops.
+            let wide = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
+                let row = (0..columns).map(value);
+                row.flat_map(|v| std::iter::repeat_n(v, edge)).collect()
+            };
+            let row = |plane: &[f32]| wide(&|u| plane[v * columns + u]);
+            let normals: [_; 3] = std::array::from_fn(|k| row(&cells.planes[k]));
+            let (length, centres) = (row(&cells.length), wide(&centre));
+            let light: [_; 3] = std::array::from_fn(|c| wide(&|u| values[v * columns + u][c]));
+            for shift in (0..=2 * AROUND).map(|step| step * edge) {
+                let most = AROUND * edge;
+                let first = most.saturating_sub(shift);
+                let end = (columns * edge + most).saturating_sub(shift).min(width);
+                if first >= end {
+                    continue;
+                }
+                let others = first + shift - most..end + shift - most;
+                let weights = &mut weights[first..end];
+                let pairs = Pairs {
+                    own: self.part(y * width + first, end - first),
+                    normals: normals.each_ref().map(|plane| &plane[others.clone()]),
+                    length: &length[others.clone()],
+                };
+                let centres = &centres[others.clone()];
+                for (i, weight) in weights.iter_mut().enumerate() {
+                    let dx = centres[i] - (first + i) as f32;
+                    let d2 = dx * dx + dy * dy;
+                    let surface = pairs.normals(i) + pairs.lengths(i, d2.sqrt());
+                    *weight = negative_exponential(surface + d2 * scale);
+                }
+                let all = all[first..end].iter_mut().zip(&*weights);
+                all.for_each(|(all, weight)| *all += *weight);
+                for (sum, light) in sums.iter_mut().zip(&light) {
+                    let lit = weights.iter().zip(&light[others.clone()]);
+                    let sum = sum[first..end].iter_mut().zip(lit);
+                    sum.for_each(|(sum, (weight, light))| *sum += weight * light);
+                }
             }
         }
-        sum / all
+        let mean = |x: usize| Vec3A::from_array([0, 1, 2].map(|c| sums[c][x])) / all[x];
+        (0..width).map(mean).collect()
     }
 }
 

@@ -168,19 +168,27 @@ fn bias(
     let mut all = vec![0.0f32; weights.len()];
     let share = DOUBTFUL * (batches as f32 / BATCHES as f32).powi(2);
     for &anchor in &one.sharper {
-        let pairs = one.light.iter().zip(&candidates[anchor].light);
-        let difference = |(ours, theirs): (&[Vec3A; BATCHES], &[Vec3A; BATCHES])| {
-            std::array::from_fn(|b| ours[b] - theirs[b])
-        };
-        let differences: Batches = pairs.map(difference).collect();
+        let pairs = || one.light.iter().zip(&candidates[anchor].light);
+        let mut smooth: Vec<Vec3A> = pairs()
+            .map(|(ours, theirs)| squared_difference(&apart(ours, theirs)[..batches]))
+            .collect();
         // Only light of rare hits has no other sign of a coincidence.
-        let mut smooth = match one.missing {
-            Some(_) => seen_again(size, &differences, batches),
-            None => (differences.iter())
-                .map(|d| squared_difference(&d[..batches]))
-                .collect(),
-        };
-        let most = (one.doubted).then(|| doubtful(size, &smooth, &differences, weights, batches));
+        if one.missing.is_some() {
+            smooth = seen_again(size, &smooth, |i| {
+                without_largest(&apart(&one.light[i], &candidates[anchor].light[i])[..batches])
+            });
+        }
+        let most = one.doubted.then(|| {
+            let variances = pairs().zip(weights).map(|((ours, theirs), weight)| {
+                variance_of_mean(&apart(ours, theirs)[..batches]).dot(*weight) / 3.0
+            });
+            doubtful(
+                size,
+                weighted(&smooth, weights),
+                variances.collect(),
+                batches,
+            )
+        });
         tent(size, RADIUS, &mut smooth);
         let mut biases = weighted(&smooth, weights);
         for (bias, most) in biases.iter_mut().zip(most.iter().flatten()) {
@@ -195,20 +203,15 @@ fn bias(
     all
 }
 
+/// The differences of two candidates' batches.
+fn apart(ours: &[Vec3A; BATCHES], theirs: &[Vec3A; BATCHES]) -> [Vec3A; BATCHES] {
+    std::array::from_fn(|b| ours[b] - theirs[b])
+}
+
 /// Most bias that U shows where it may be a chance of few batches: that of the wider radius. Infinite where U is significant at one of
 /// the [`SCALES`]. Without bias the variance of U is 2 B / (B − 1) times the square of the variance of the mean of B batches. Without
 /// this test a pixel in two hundred takes the picture as it is, by chance. The variance of fewer batches is known less.
-fn doubtful(
-    size: Size,
-    squares: &[Vec3A],
-    differences: &Batches,
-    weights: &[Vec3A],
-    batches: usize,
-) -> Vec<f32> {
-    let variances: Vec<Vec3A> = (differences.iter())
-        .map(|d| variance_of_mean(&d[..batches]))
-        .collect();
-    let (squares, variances) = (weighted(squares, weights), weighted(&variances, weights));
+fn doubtful(size: Size, squares: Vec<f32>, variances: Vec<f32>, batches: usize) -> Vec<f32> {
     let b = batches as f32;
     let z = SIGNIFICANT * BATCHES as f32 / b * (2.0 * b / (b - 1.0)).sqrt();
     let mut most = vec![0.0f32; squares.len()];
@@ -229,25 +232,38 @@ fn doubtful(
 
 /// Squared differences that something confirms: one of the pixels around shows as much, or the batches of the pixel do without
 /// the one that differs most. Hits of several batches that meet in one pixel by chance would be a bias that no noise explains.
-fn seen_again((width, height): Size, differences: &Batches, batches: usize) -> Vec<Vec3A> {
-    let squares: Vec<Vec3A> = (differences.iter())
-        .map(|d| squared_difference(&d[..batches]))
-        .collect();
-    let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+fn seen_again(
+    (width, _): Size,
+    squares: &[Vec3A],
+    without_largest: impl Fn(usize) -> Vec3A,
+) -> Vec<Vec3A> {
+    // The largest beside every pixel, and of three in a row.
+    let mut beside = vec![Vec3A::ZERO; squares.len()];
+    let mut rows = squares.to_vec();
+    let lines = rows.chunks_exact_mut(width);
+    for ((beside, row), own) in
+        (beside.chunks_exact_mut(width).zip(lines)).zip(squares.chunks_exact(width))
+    {
+        let near = beside[1..].iter_mut().zip(own);
+        near.for_each(|(most, left)| *most = most.max(*left));
+        let near = beside.iter_mut().zip(&own[1..]);
+        near.for_each(|(most, right)| *most = most.max(*right));
+        row.iter_mut()
+            .zip(beside)
+            .for_each(|(row, most)| *row = row.max(*most));
+    }
     let confirmed = |i: usize| {
-        let mut most = Vec3A::ZERO;
-        for y in around(i / width, height) {
-            for x in around(i % width, width) {
-                let near = y * width + x;
-                if near != i {
-                    most = most.max(squares[near]);
-                }
-            }
+        let mut most = beside[i];
+        if i >= width {
+            most = most.max(rows[i - width]);
+        }
+        if let Some(below) = rows.get(i + width) {
+            most = most.max(*below);
         }
         if squares[i].cmple(most).all() {
             return squares[i];
         }
-        squares[i].min(most.max(without_largest(&differences[i][..batches])))
+        squares[i].min(most.max(without_largest(i)))
     };
     (0..squares.len()).map(confirmed).collect()
 }
@@ -258,16 +274,19 @@ fn without_largest(differences: &[Vec3A]) -> Vec3A {
     if batches < 3 {
         return Vec3A::ZERO;
     }
-    let channel = |c: usize| {
-        let d = || differences.iter().map(|d| d[c]);
-        let sign = if d().sum::<f32>() > 0.0 { 1.0 } else { -1.0 };
-        let most = d().fold(f32::NEG_INFINITY, |m, d| m.max(d * sign));
-        let largest = d().position(|d| d * sign == most).unwrap_or(0);
-        let rest = d().enumerate().filter(|(b, _)| *b != largest);
-        let (sum, squares) = rest.fold((0.0, 0.0), |(s, q), (_, d)| (s + d, q + d * d));
-        (sum * sum - squares) / ((batches - 1) * (batches - 2)) as f32
-    };
-    Vec3A::new(channel(0), channel(1), channel(2))
+    let sum: Vec3A = differences.iter().sum();
+    let sign = Vec3A::select(sum.cmpgt(Vec3A::ZERO), Vec3A::ONE, Vec3A::NEG_ONE);
+    let most = (differences.iter()).fold(Vec3A::NEG_INFINITY, |most, d| most.max(*d * sign));
+    let mut left = most.cmpeq(most);
+    let (mut sum, mut squares) = (Vec3A::ZERO, Vec3A::ZERO);
+    for d in differences {
+        let largest = left & (*d * sign).cmpeq(most);
+        left &= !largest;
+        let rest = Vec3A::select(largest, Vec3A::ZERO, *d);
+        sum += rest;
+        squares += rest * rest;
+    }
+    (sum * sum - squares) / ((batches - 1) * (batches - 2)) as f32
 }
 
 /// Mean over the channels of values times their weights.

@@ -50,7 +50,7 @@ use crate::integrator::Picture;
 use crate::math::{Rgb, Vec3A};
 use coarse::{Caps, Coarse, FACTORS};
 use serde::{Deserialize, Serialize};
-use tiles::{Chosen, Shared, TILE};
+use tiles::{Chosen, Shared, edge};
 
 pub use denoised::{Denoised, denoise_film};
 pub use statement::{Statement, error_of_less_noise, film_error, film_errors};
@@ -200,7 +200,11 @@ pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
     let Some(complete) = film.complete() else {
         return Resolved::unknown(film);
     };
-    let mut resolved = resolve(&complete, Limits::of(settings, film.levels()), TILE);
+    let mut resolved = resolve(
+        &complete,
+        Limits::of(settings, film.levels()),
+        edge(&film.window()),
+    );
     if settings == Resolve::None {
         resolved.picture = film.mean(0);
     }

@@ -55,12 +55,12 @@ pub(super) fn factors(film: &LevelFilm, light: &Coarse, caps: &Caps, picture: &[
             h: (rows + above + 1).min(window.h as usize - (first - above)) as u32,
             ..window
         };
-        let features = film.cut(outer).features();
+        let features = film.features_of(&outer);
         let here = Guide::new((width, outer.h as usize), Surface::Rough, &features);
-        for (i, factor) in factors.iter_mut().enumerate() {
-            let (x, y) = (i % width, i / width);
-            let mean = here.of_cells((x, y + above), &guide, (x, first + y), CELL, &of_cells);
-            *factor = mean.into();
+        for (y, factors) in factors.chunks_exact_mut(width).enumerate() {
+            let means = here.of_cells(y + above, &guide, first + y, CELL, &of_cells);
+            let pairs = factors.iter_mut().zip(means);
+            pairs.for_each(|(factor, mean)| *factor = mean.into());
         }
     });
     factors
@@ -76,7 +76,7 @@ fn features_of_cells(film: &LevelFilm, (columns, rows): Size) -> Vec<Features> {
             h: (CELL as u32).min(window.h - y),
             ..window
         };
-        let features = film.cut(band).features();
+        let features = film.features_of(&band);
         let mut sums = vec![([0.0; FEATURES], 0.0f32); columns];
         for (i, features) in features.iter().enumerate() {
             let (sum, count) = &mut sums[i % window.w as usize / CELL];

@@ -1,7 +1,7 @@
 use super::coarse::{Caps, Coarse, Missing};
-use super::filter::tent;
+use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface};
-use super::tiles::{BASE, STEP, TILE, rest};
+use super::tiles::{BASE, STEP, rest};
 use super::*;
 use crate::image::film::Window;
 use crate::image::level_film::PathLevels;
@@ -327,12 +327,11 @@ fn tent_keeps_constants_and_shares_sum_to_one() {
     assert!(spread.iter().all(|v| v.x > 0.0));
 }
 
-/// Any light, noise and features: a tile knows as much of its surroundings as its pixels depend on.
-/// Radii 1 and 2 have loops of their own.
+/// Each radius has loops of its own.
 #[test]
 fn tent_is_the_mean_of_means_at_any_radius() {
     for (w, h) in [(1, 9), (9, 1), (2, 3), (3, 3), (4, 5), (5, 5), (13, 8)] {
-        for radius in 1..4 {
+        for radius in 1..5 {
             let mut values: Vec<f32> = (0..w * h).map(|i| noise(0, 0, i)).collect();
             let mut expected = values.clone();
             tent((w, h), radius, &mut values);
@@ -377,6 +376,7 @@ fn blur_of_a_pixel_does_not_depend_on_those_blurred_with_it() {
     }
 }
 
+/// Any light, noise and features: a tile knows as much of its surroundings as its pixels depend on.
 #[test]
 fn resolve_in_tiles_has_the_bytes_of_the_whole() {
     let frame = crate::math::UVec2::new(61, 38);
@@ -410,7 +410,7 @@ fn resolve_in_tiles_has_the_bytes_of_the_whole() {
     }
     for settings in ALL {
         let limits = Limits::of(settings, film.levels());
-        let whole = resolve(&film, limits, TILE);
+        let whole = resolve(&film, limits, 64);
         if settings == Resolve::None {
             assert!(whole.level.iter().all(|&k| k == 0));
             continue;
@@ -421,9 +421,39 @@ fn resolve_in_tiles_has_the_bytes_of_the_whole() {
         }
     }
     let limits = Limits::of(Resolve::Default, 1);
-    let whole = resolve(&one, limits, TILE);
+    let whole = resolve(&one, limits, 64);
     for edge in [7, 32] {
         assert_eq!(resolve(&one, limits, edge), whole, "one level, {edge}");
+    }
+}
+
+/// On an even surface a pixel takes values from the cells around it by a Gaussian of five pixels, at borders from those that are there.
+#[test]
+fn values_of_cells_are_a_gaussian_mean_of_those_around() {
+    let features = [0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 1.0, 5.0, 0.5, 0.5, 0.5];
+    let guide = |size: Size| Guide::new(size, Surface::Rough, &vec![features; size.0 * size.1]);
+    let (pixels, cells, edge): (Size, Size, usize) = ((21, 13), (6, 4), 4);
+    let mut stream = stream(1);
+    let values: Vec<Vec3A> = (0..cells.0 * cells.1)
+        .map(|_| Vec3A::new(stream.next_1d(), stream.next_1d(), 1.0))
+        .collect();
+    let (here, there) = (guide(pixels), guide(cells));
+    for y in 0..pixels.1 {
+        let found = here.of_cells(y, &there, y, edge, &values);
+        assert_eq!(found.len(), pixels.0);
+        for (x, found) in found.iter().enumerate() {
+            let (mut sum, mut all) = (Vec3A::ZERO, 0.0);
+            for v in (0..cells.1).filter(|v| v.abs_diff(y / edge) <= 2) {
+                for u in (0..cells.0).filter(|u| u.abs_diff(x / edge) <= 2) {
+                    let d = [(u, x), (v, y)].map(|(cell, at)| (4 * cell) as f32 + 1.5 - at as f32);
+                    let weight = (-(d[0] * d[0] + d[1] * d[1]) / 50.0).exp();
+                    sum += weight * values[v * cells.0 + u];
+                    all += weight;
+                }
+            }
+            let apart = (*found - sum / all).abs().max_element();
+            assert!(apart < 1e-3, "{x} {y}: {found} for {}", sum / all);
+        }
     }
 }
 

@@ -11,8 +11,15 @@ use crate::math::{Rgb, Vec3A};
 use rayon::prelude::*;
 use std::sync::Mutex;
 
-/// Pixels a side of the tiles.
-pub(super) const TILE: u32 = 64;
+/// Pixels a side of the tiles: large ones, which have less around them, where they give every thread work.
+const EDGES: [u32; 2] = [128, 64];
+
+/// The edge of the tiles of a film.
+pub(super) fn edge(window: &Window) -> u32 {
+    let [large, small] = EDGES;
+    let busy = window.tiles(large).len() >= 2 * rayon::current_num_threads();
+    if busy { large } else { small }
+}
 
 /// Radius in pixels at which light that a level has not met is looked for.
 const MISSING_RADIUS: usize = 2;
@@ -359,10 +366,16 @@ impl<'a> Part<'a> {
             }
             _ => (1, levels.iter().skip(1).collect()),
         };
-        let blur = |&sigma: &f32| (sigma, guide.blur(sigma, &self.inner, &rough));
+        let wide = self.whole.limits.wide;
+        let wide = wide.map(|sigma| (sigma, self.base(&guide, sigma, rough[0])));
+        let blur = |&sigma: &f32| match &wide {
+            Some((_, base)) if sigma == BASE => (sigma, vec![self.inner.of(base)]),
+            _ => (sigma, guide.blur(sigma, &self.inner, &rough)),
+        };
         let mut blurs: Vec<_> = sigmas.iter().map(blur).collect();
-        if let Some(wide) = self.whole.limits.wide {
-            blurs.push((wide, self.wide(&guide, wide, rough[0])));
+        if let Some((sigma, base)) = &wide {
+            let wide = guide.blur_in_steps::<STEP>(rest(*sigma), &self.inner, &[base]);
+            blurs.push((*sigma, wide));
         }
         for (sigma, blurred) in blurs {
             for (number, light) in blurred.into_iter().enumerate() {
@@ -387,15 +400,15 @@ impl<'a> Part<'a> {
         all
     }
 
-    /// A blur of [`BASE`] blurred again, from some of the pixels.
-    fn wide(&self, guide: &Guide, sigma: f32, light: &Batches) -> Vec<Batches> {
+    /// A blur of [`BASE`] of all pixels that one of `sigma` takes values from.
+    fn base(&self, guide: &Guide, sigma: f32, light: &Batches) -> Batches {
         let around = self.inner.grown(reach(rest(sigma)), self.size.1);
         let base = guide.blur(BASE, &around, &[light]).remove(0);
         let mut blurred = light.clone();
         for (i, light) in around.pixels().zip(base) {
             blurred[i] = light;
         }
-        guide.blur_in_steps::<STEP>(rest(sigma), &self.inner, &[&blurred])
+        blurred
     }
 
     /// Light that every level has missed, by level and pixel.
