@@ -127,7 +127,7 @@ plant "a Dirac lobe beside a guide without its probability" src/integrator/guide
 plant "blurred noise is weighed by the bright side of an edge" src/resolve/layer.rs \
     's/own\.max\(DARK \* \*dark\)/*own/' lib::resolve::tests::blur_leaves_dark_pixels_beside_noise_dark
 plant "a pixel on an edge is like neither surface" src/resolve/guide.rs \
-    's/\(\*weight - spread\)\.max\(0\.0\)/*weight/' \
+    's/\(square\(0\) \+ square\(1\) \+ square\(2\) - self\.own\.spread\[i\]\)\.max\(0\.0\)/square(0) + square(1) + square(2)/' \
     lib::resolve::tests::gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black
 plant "photons count at the radius that first reaches them alone" src/integrator/bidirectional/merge.rs \
     's/sum \+= sums\[level\]/sum = sums[level]/' bidirectional::radii::levels_are_pictures_at_their_radii
@@ -237,6 +237,15 @@ plant "resolve: two batches are believed as four" src/resolve/layer.rs \
 plant "resolve: a denoised picture of two samples states an error" src/resolve/denoised.rs \
     's/Resolved::unknown\(film\)/resolved/' \
     lib::resolve::tests::failures_of_a_filter_are_handed_on_and_few_samples_are_filtered_as_they_are
+plant "resolve: a pixel leaves out the first cell around it" src/resolve/guide.rs \
+    's/let first = most\.saturating_sub\(shift\);/let first = most.saturating_sub(shift) + edge;/' \
+    lib::resolve::tests::values_of_cells_are_a_gaussian_mean_of_those_around
+plant "resolve: a filter takes the rows of the next pixel" src/resolve/filter.rs \
+    's/&along\[y % N \* width/&along[(y + 1) % N * width/' lib::resolve::tests::tent_is_the_mean_of_means_at_any_radius
+plant "resolve: the batch that differs most confirms itself" src/resolve/layer.rs \
+    's/Vec3A::select\(largest, Vec3A::ZERO, \*d\)/*d/' lib::resolve::tests::one_batch_confirms_no_difference
+plant "resolve: pixels in the row below confirm nothing" src/resolve/layer.rs \
+    's/rows\.get\(i \+ width\)/rows.get(i + 2 * width)/' lib::resolve::tests::a_pixel_beside_confirms_a_difference
 plant "resolve: an error map of the noise alone" src/resolve/mod.rs \
     's/statement::smoothed\(self\.picture\.size\(\), errors\)/statement::smoothed(self.picture.size(), errors.map(|e| 0.6 * e))/' \
     statement::error_map_has_the_mean_that_is_stated

@@ -232,7 +232,7 @@ fn doubtful(size: Size, squares: Vec<f32>, variances: Vec<f32>, batches: usize) 
 
 /// Squared differences that something confirms: one of the pixels around shows as much, or the batches of the pixel do without
 /// the one that differs most. Hits of several batches that meet in one pixel by chance would be a bias that no noise explains.
-fn seen_again(
+pub(super) fn seen_again(
     (width, _): Size,
     squares: &[Vec3A],
     without_largest: impl Fn(usize) -> Vec3A,
@@ -269,7 +269,7 @@ fn seen_again(
 }
 
 /// The squared difference of the batches but the one that has most of it, by channel; of two batches, which leave one, none.
-fn without_largest(differences: &[Vec3A]) -> Vec3A {
+pub(super) fn without_largest(differences: &[Vec3A]) -> Vec3A {
     let batches = differences.len();
     if batches < 3 {
         return Vec3A::ZERO;

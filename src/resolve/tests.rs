@@ -1,6 +1,7 @@
 use super::coarse::{Caps, Coarse, Missing};
 use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface};
+use super::layer::{seen_again, without_largest};
 use super::tiles::{BASE, STEP, rest};
 use super::*;
 use crate::image::film::Window;
@@ -325,6 +326,36 @@ fn tent_keeps_constants_and_shares_sum_to_one() {
     tent((5, 5), 1, &mut spread);
     assert!((spread[12].x - 1.0 / 9.0).abs() < 1e-6, "{}", spread[12]);
     assert!(spread.iter().all(|v| v.x > 0.0));
+}
+
+/// The batch that differs most confirms nothing, whatever its sign, and of two alike one does. By channel.
+#[test]
+fn one_batch_confirms_no_difference() {
+    let batches = |x: [f32; 4], y: [f32; 4]| {
+        let pairs: [Vec3A; 4] = std::array::from_fn(|b| Vec3A::new(x[b], y[b], 0.0));
+        without_largest(&pairs)
+    };
+    let found = batches([1.0, 3.0, 1.0, 1.0], [-1.0, -1.0, -1.0, -3.0]);
+    assert_eq!(found, Vec3A::new(1.0, 1.0, 0.0));
+    let found = batches([2.0, 2.0, 0.0, 0.0], [4.0, 0.0, 4.0, 4.0]);
+    assert_eq!(found, Vec3A::new(0.0, 16.0 / 3.0, 0.0));
+    assert_eq!(without_largest(&[Vec3A::ONE; 2]), Vec3A::ZERO);
+}
+
+/// What one of the eight pixels around shows as much of is confirmed, at borders too.
+#[test]
+fn a_pixel_beside_confirms_a_difference() {
+    let (w, h) = (4, 3);
+    for (x, y) in (0..h).flat_map(|y| (0..w).map(move |x| (x, y))) {
+        for (u, v) in (0..h).flat_map(|v| (0..w).map(move |u| (u, v))) {
+            let mut squares = vec![Vec3A::splat(0.25); w * h];
+            squares[v * w + u] = Vec3A::splat(0.5);
+            squares[y * w + x] = Vec3A::ONE;
+            let found = seen_again((w, h), &squares, |_| Vec3A::ZERO)[y * w + x];
+            let beside = (u, v) != (x, y) && u.abs_diff(x) < 2 && v.abs_diff(y) < 2;
+            assert_eq!(found.x, if beside { 0.5 } else { 0.25 }, "{x} {y} {u} {v}");
+        }
+    }
 }
 
 /// Each radius has loops of its own.
