@@ -34,8 +34,9 @@ const ENOUGH: u32 = 1 << 16;
 /// Most pixels of a side that become one at first.
 const COARSEST: u32 = 16;
 
-/// Share of one thread's time that finishing films may take of all.
-const FINISHING: f64 = 0.06;
+/// Share of all threads' time that finishing films may take: in the first seconds of a render, so many, and later.
+const FINISHING: [f64; 2] = [0.25, 0.1];
+const YOUNG: f64 = 10.0;
 
 /// Wait for something that may never come.
 const LONG: Duration = Duration::from_secs(3600);
@@ -360,7 +361,8 @@ impl Renderer<'_> {
             return;
         };
         let threads = rayon::current_num_threads() as f64;
-        let every = (cost / (threads * FINISHING)).max(OFTEN);
+        let share = FINISHING[usize::from(run.seconds > YOUNG)];
+        let every = (cost / (threads * share)).max(OFTEN);
         let due = run
             .offered
             .is_none_or(|at| at.elapsed().as_secs_f64() >= every);
