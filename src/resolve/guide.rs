@@ -41,7 +41,7 @@ pub(super) struct Guide {
     length: Vec<f32>,
     /// Difference of lengths that counts as one standard deviation at a pixel.
     here: Vec<f32>,
-    /// What a plane adds to it a pixel away.
+    /// Length that a plane adds to it a pixel away.
     slope: Vec<f32>,
 }
 
@@ -218,7 +218,7 @@ impl Guide {
         }
     }
 
-    /// What pixels beside one another show.
+    /// The guides of pixels beside one another.
     fn part(&self, first: usize, count: usize) -> Part<'_> {
         Part {
             normals: std::array::from_fn(|k| &self.planes[k][first..first + count]),
@@ -230,7 +230,7 @@ impl Guide {
     }
 }
 
-/// What pixels beside one another show, as the fields of [`Guide`].
+/// Guides of pixels beside one another, as the fields of [`Guide`].
 #[derive(Clone, Copy)]
 struct Part<'a> {
     normals: [&'a [f32]; 3],

@@ -342,7 +342,7 @@ fn one_batch_confirms_no_difference() {
     assert_eq!(without_largest(&[Vec3A::ONE; 2]), Vec3A::ZERO);
 }
 
-/// What one of the eight pixels around shows as much of is confirmed, at borders too.
+/// A difference is confirmed by as large a one in one of the eight pixels around, at borders too.
 #[test]
 fn a_pixel_beside_confirms_a_difference() {
     let (w, h) = (4, 3);
