@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What a sample costs by method, scene and size, memory, and the first picture.
+"""Cost of a sample by method, scene and size; memory; the first picture.
 
     python3 suites/cost.py [OPSR] [TURNS]
 

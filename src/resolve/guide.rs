@@ -231,7 +231,6 @@ impl Guide {
 }
 
 /// Guides of pixels beside one another, as the fields of [`Guide`].
-#[derive(Clone, Copy)]
 struct Part<'a> {
     normals: [&'a [f32]; 3],
     spread: &'a [f32],
@@ -241,7 +240,6 @@ struct Part<'a> {
 }
 
 /// The same of pixels and as many others: exponents of the weights of these, in loops without branches.
-#[derive(Clone, Copy)]
 struct Pairs<'a> {
     own: Part<'a>,
     normals: [&'a [f32]; 3],
@@ -249,7 +247,7 @@ struct Pairs<'a> {
 }
 
 impl Pairs<'_> {
-    /// That of the normals. A pixel that shows several surfaces takes light of each.
+    /// Exponent of the normals. A pixel that shows several surfaces takes light of each.
     #[inline(always)]
     fn normals(&self, i: usize) -> f32 {
         let square = |k: usize| {
@@ -259,7 +257,7 @@ impl Pairs<'_> {
         (square(0) + square(1) + square(2) - self.own.spread[i]).max(0.0)
     }
 
-    /// That of the lengths, of pixels so far from one another.
+    /// Exponent of the lengths, of pixels so far from one another.
     #[inline(always)]
     fn lengths(&self, i: usize, distance: f32) -> f32 {
         let apart = self.length[i] - self.own.length[i];

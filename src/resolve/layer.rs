@@ -174,7 +174,7 @@ fn bias(
             .collect();
         // Only light of rare hits has no other sign of a coincidence.
         if one.missing.is_some() {
-            smooth = seen_again(size, &smooth, |i| {
+            smooth = seen_again(size.0, &smooth, |i| {
                 without_largest(&apart(&one.light[i], &candidates[anchor].light[i])[..batches])
             });
         }
@@ -233,7 +233,7 @@ fn doubtful(size: Size, squares: Vec<f32>, variances: Vec<f32>, batches: usize) 
 /// Squared differences that something confirms: one of the pixels around shows as much, or the batches of the pixel do without
 /// the one that differs most. Hits of several batches that meet in one pixel by chance would be a bias that no noise explains.
 pub(super) fn seen_again(
-    (width, _): Size,
+    width: usize,
     squares: &[Vec3A],
     without_largest: impl Fn(usize) -> Vec3A,
 ) -> Vec<Vec3A> {

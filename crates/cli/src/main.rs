@@ -148,8 +148,8 @@ fn with_new_name(error: clap::Error) -> clap::Error {
     }
 }
 
-/// Keeps up to 64 MB of freed memory, so that the next tile of a picture does not fetch it from the system again: glibc takes its limits
-/// from the largest block that was freed, and starts at 128 kB. Other allocators are as before.
+/// Keeps up to 62 MB of freed memory a thread, so that the next tile of a picture does not fetch it from the system again: glibc takes
+/// its limits from the largest block that was freed, and starts at 128 kB. Other allocators are as before.
 fn keep_freed_memory() {
     drop(std::hint::black_box(Vec::<u8>::with_capacity(31 << 20)));
 }

@@ -34,7 +34,7 @@ const ENOUGH: u32 = 1 << 16;
 /// Most pixels of a side that become one at first.
 const COARSEST: u32 = 16;
 
-/// Share of all threads' time that finishing films may take: in the first seconds of a render, so many, and later.
+/// Share of all threads' time that finishing films may take: in the first [`YOUNG`] seconds of a render, and later.
 const FINISHING: [f64; 2] = [0.25, 0.1];
 const YOUNG: f64 = 10.0;
 
