@@ -28,7 +28,7 @@
 //! | 0 | [`memory`] | free memory, refusal of work that needs more |
 //! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison rules |
 //! | 2 | [`bsdf`] | BSDFs that are evaluated *at* a roughness |
-//! | 3 | [`image`] | films of running moments, EXR and PNG, error metrics |
+//! | 3 | [`image`] | films of running moments, EXR and PNG, relative errors |
 //! | 3 | [`scene`] | glTF files, meshes, the tree, materials, lights, cameras |
 //! | 4 | [`integrator`] | estimators and the steps they share; modes, budgets, checkpoints, parts |
 //! | 5 | [`resolve`] | the level and blur of every pixel, chosen without a reference, and its error |
@@ -42,6 +42,7 @@
 //! |---|---|
 //! | `opsr-table` (`table/`) | below this crate: tables, look-ups, export, for renderers that need nothing else |
 //! | `opsr-formats` | readers of pbrt, Mitsuba, OBJ and PLY files, decoders of compressed glTF |
+//! | `opsr-metric` | errors of pictures against references: relMSE, MAPE, FLIP; false colours |
 //! | `opsr-train` | learning of tables: record, evaluate, learn; the manifest of training scenes and its references |
 //! | `opsr-frames` | frames of an animation, averaged along the surfaces that they share |
 //! | `opsr-lab` | scenes of this project, statistics, comparisons, benches and their pages, numerical checks |

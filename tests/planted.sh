@@ -97,7 +97,7 @@ plant "11 survivors weigh as before" src/integrator/walk/mod.rs \
 plant "12 moments in single precision" src/math/moments.rs \
     's/self\.mean \+= delta \/ f64::from\(self\.n\);/self.mean = (self.mean + delta \/ f64::from(self.n)).as_vec3().as_dvec3();/' \
     stability::case_12_welford_variance
-plant "13 pixels that are no numbers" src/image/metric/mod.rs \
+plant "13 pixels that are no numbers" crates/metric/src/lib.rs \
     's/!p\.is_finite\(\)/p.x == f32::NEG_INFINITY/' metric::pictures_that_cannot_be_compared_are_errors
 plant "14 corners that are no numbers" src/scene/load/mesh.rs \
     's/!p\.iter\(\)\.all\(\|x\| x\.is_finite\(\)\)/p.is_empty()/' load::broken::load_refuses_broken_bytes

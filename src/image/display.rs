@@ -128,7 +128,7 @@ pub fn auto_exposure(picture: &Buffer) -> f32 {
 }
 
 /// Coefficients k₀ … k₅ of (k₀x² + k₁x + k₂) / (k₃x² + k₄x + k₅), Narkowicz's fit to ACES at exposure 0.6.
-pub(super) const ACES: [f64; 6] = [
+pub const ACES: [f64; 6] = [
     0.6 * 0.6 * 2.51,
     0.6 * 0.03,
     0.0,
@@ -138,7 +138,7 @@ pub(super) const ACES: [f64; 6] = [
 ];
 
 /// The curve of [`ACES`]; above 1 for very bright values.
-pub(super) fn aces(rgb: DVec3) -> DVec3 {
+pub fn aces(rgb: DVec3) -> DVec3 {
     let [k0, k1, k2, k3, k4, k5] = ACES;
     // The curve has a pole left of zero; light is not negative.
     let x = rgb.max(DVec3::ZERO);

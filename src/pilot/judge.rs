@@ -17,7 +17,7 @@
 use super::{Contender, MISSED, Trial};
 use crate::image::Buffer;
 use crate::image::film::Window;
-use crate::image::metric::pixel::EPSILON;
+use crate::image::relative::EPSILON;
 use crate::integrator::Picture;
 use crate::integrator::method::{Blind, IntegratorKind};
 use crate::math::Rgb;

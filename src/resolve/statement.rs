@@ -16,7 +16,7 @@
 
 use super::filter::{Size, tent};
 use crate::image::film::Film;
-use crate::image::metric::pixel::{EPSILON, mean_of, relative_errors};
+use crate::image::relative::{EPSILON, mean_of, relative_errors};
 use crate::math::moments::Moments;
 use crate::math::{DVec3, Rgb};
 
@@ -47,7 +47,7 @@ const ABSOLUTE: f64 = 0.797_884_560_8;
 /// Stated error of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statement {
-    /// Average error: the [mean relative error](crate::image::metric::mean_relative_error) to be expected, at most 1. Infinite where there are too few
+    /// Average error: the [mean relative error](relative_errors) to be expected, at most 1. Infinite where there are too few
     /// samples to tell.
     pub mean: f64,
     /// Root of the relMSE to be expected. Infinite where there are too few samples to tell.

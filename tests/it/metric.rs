@@ -2,9 +2,9 @@
 
 mod small;
 
-use opsr::image::metric::{self, MetricError, flip};
 use opsr::image::{Buffer, png};
 use opsr::math::Rgb;
+use opsr_metric::{self as metric, MetricError, flip};
 use serde_json::Value;
 
 // ── the pictures of data/flip/make.py ──

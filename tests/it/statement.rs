@@ -3,13 +3,13 @@
 use super::support::render::{film, scene};
 use opsr::image::film::Window;
 use opsr::image::level_film::{FEATURES, LevelFilm, PathLevels};
-use opsr::image::metric::{mean_relative_error, relative_error_map};
 use opsr::image::{Buffer, Film};
 use opsr::math::{DVec3, Rgb, UVec2};
 use opsr::regularise::Rule;
 use opsr::resolve::{Resolve, film_error, film_errors, resolve_film};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr_lab::gallery::builtin;
+use opsr_metric::{mean_relative_error, relative_error_map};
 
 /// Means over films of the stated squared error and of the true one, relative to the mean of all films.
 fn stated_and_true(films: &[Film], truth: Option<DVec3>) -> (f64, f64) {

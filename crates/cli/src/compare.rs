@@ -8,13 +8,13 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use opsr::files;
-use opsr::image::metric::Metric;
-use opsr::image::metric::flip::DEFAULT_PPD;
 use opsr::image::{exr, png};
 use opsr::render::files::check_distinct;
 use opsr_lab::report::compare::{Comparison, Named, Options, compare_with, cut_to_common};
 use opsr_lab::report::page;
 use opsr_lab::stats::agreement;
+use opsr_metric::Metric;
+use opsr_metric::flip::DEFAULT_PPD;
 
 use super::exit::{Blame, Exit, IntoExit};
 use super::output::{note, print};

@@ -1,7 +1,7 @@
 //! FLIP of two pictures while they change: of some pixels, which takes a tenth of a second where all take seconds.
 
 use opsr::image::Buffer;
-use opsr::image::metric::flip;
+use opsr_metric::flip;
 
 /// Pixels of a side of a tile, and tiles in a row and a column.
 const EDGE: usize = 32;

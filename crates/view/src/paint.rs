@@ -4,10 +4,11 @@
 use super::hub::{Frame, Hub, Painted, Snapshot};
 use super::options::Overlay;
 use opsr::image::display::Display;
-use opsr::image::{Buffer, false_colour, png};
+use opsr::image::{Buffer, png};
 use opsr::math::{Rgb, UVec2};
 use opsr::render::Spec;
 use opsr::render::value::Exposure;
+use opsr_metric::false_colour;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;

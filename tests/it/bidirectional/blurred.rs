@@ -4,7 +4,6 @@ use crate::support::render::scene;
 use opsr::image::Buffer;
 use opsr::image::film::Film;
 use opsr::image::level_film::LevelFilm;
-use opsr::image::metric::{energy_ratio, mape};
 use opsr::integrator::amounts::LevelError;
 use opsr::integrator::aov::{Aovs, FirstHit};
 use opsr::integrator::bidirectional::Radius;
@@ -14,6 +13,7 @@ use opsr::regularise::Rule;
 use opsr::resolve::{Resolve, resolve_film};
 use opsr::scene::Scene;
 use opsr_lab::gallery::{builtin, caustic_box};
+use opsr_metric::{energy_ratio, mape};
 use std::ops::Range;
 
 const SIZE: UVec2 = UVec2::new(48, 36);

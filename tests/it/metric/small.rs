@@ -1,8 +1,8 @@
 //! Metrics of a few pixels, worked out by hand.
 
 use opsr::image::Buffer;
-use opsr::image::metric::{self, flip};
 use opsr::math::Rgb;
+use opsr_metric::{self as metric, flip};
 
 #[test]
 fn metric_relative_bias_and_variance_weight_each_pixel() {

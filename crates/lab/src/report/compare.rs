@@ -7,9 +7,10 @@ use serde::Serialize;
 
 use opsr::files::FileError;
 use opsr::image::film::Window;
-use opsr::image::metric::{self, BiasVariance, Metric, MetricError, Worst, flip};
-use opsr::image::{Buffer, exr, false_colour, png};
+use opsr::image::{Buffer, exr, png};
 use opsr::math::UVec2;
+use opsr_metric::false_colour;
+use opsr_metric::{self as metric, BiasVariance, Metric, MetricError, Worst, flip};
 
 /// A picture and where it comes from.
 #[derive(Clone, Debug)]
@@ -286,7 +287,7 @@ fn entry(
 
 /// MAPE's error per pixel, averaged over channels; values above 1 are off the scale.
 fn relative_map(picture: &Buffer, reference: &Buffer) -> Vec<f32> {
-    let epsilon = metric::pixel::EPSILON as f32;
+    let epsilon = opsr::image::relative::EPSILON as f32;
     let pairs = picture.pixels.iter().zip(&reference.pixels);
     pairs
         .map(|(&i, &f)| ((i - f).abs() / (f + epsilon)).element_sum() / 3.0)

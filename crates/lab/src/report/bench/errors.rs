@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use opsr::image::Buffer;
 use opsr::image::film::Window;
-use opsr::image::metric::{self, MetricError, flip, pixel::EPSILON};
+use opsr::image::relative::EPSILON;
 use opsr::math::UVec2;
 use opsr::resolve::Resolved;
+use opsr_metric::{self as metric, MetricError, flip};
 
 /// All errors of a picture by name.
 pub fn errors(

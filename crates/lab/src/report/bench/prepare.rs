@@ -9,7 +9,7 @@ use super::suite::SceneSpec;
 use crate::gallery;
 use opsr::files::{self, hex};
 use opsr::image::film::{Film, Window};
-use opsr::image::metric::pixel::EPSILON;
+use opsr::image::relative::EPSILON;
 use opsr::image::{Buffer, exr};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::drive::{Budget, Reason, drive};

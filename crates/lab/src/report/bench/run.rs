@@ -20,13 +20,13 @@ use super::suite::{MethodSpec, SceneSpec, Suite};
 use opsr::files::{self, Problem, hex};
 use opsr::image::denoise::Denoiser;
 use opsr::image::film::Film;
-use opsr::image::metric::MetricError;
 use opsr::image::{Buffer, exr};
 use opsr::integrator::{Census, Picture};
 use opsr::math::UVec2;
 use opsr::pilot::stopwatch::Stopwatch;
 use opsr::render::value::{Crop, Size};
 use opsr::render::{Fault, Heading, Request, Shown, Spec, Subject};
+use opsr_metric::MetricError;
 
 /// Samples per pixel for counting regularised vertices.
 const CENSUS: u32 = 2;

@@ -5,8 +5,9 @@ use maud::{Markup, PreEscaped, html};
 use super::super::results::{Inset, Results};
 use super::super::summary::SceneSummary;
 use crate::report::html::data_uri;
-use opsr::image::metric::flip;
-use opsr::image::{Buffer, false_colour};
+use opsr::image::Buffer;
+use opsr_metric::false_colour;
+use opsr_metric::flip;
 
 /// The pictures of a scene; nothing where the results hold none.
 pub(super) fn pictures(results: &Results, scene: &SceneSummary, index: usize) -> Markup {

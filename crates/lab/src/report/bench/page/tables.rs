@@ -11,8 +11,8 @@ use crate::report::compare::definition;
 use crate::report::html::{or_dash, table};
 use crate::stats::ratios::{Interval, Verdict};
 use opsr::image::Buffer;
-use opsr::image::metric::{self, flip};
 use opsr::math::Rgb;
+use opsr_metric::{self as metric, flip};
 
 /// Three digits.
 pub(super) fn short(x: f64) -> String {

@@ -4,10 +4,8 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::{Metric, MetricError, check};
-use crate::image::Buffer;
-
-/// ε of the relative errors: what a black pixel of the reference counts as.
-pub const EPSILON: f64 = 0.01;
+use opsr::image::Buffer;
+use opsr::image::relative::{EPSILON, floor, mean_of, relative_errors};
 
 /// The part of the pixels that [`relmse_trimmed`] leaves out.
 pub(crate) const TRIMMED: f64 = 0.001;
@@ -89,7 +87,7 @@ pub fn mape(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
     ))
 }
 
-/// Mean absolute relative error, in [0, 1], what a render [states](crate::resolve::Statement::mean) of itself: the mean over pixels of
+/// Mean absolute relative error, in [0, 1], what a render [states](opsr::resolve::Statement::mean) of itself: the mean over pixels of
 /// Σ|I − f| / (Σf + 3ε), at most 1 each. Sums are over red, green and blue, ε is a thirtieth of the mean radiance of the reference,
 /// so that the number does not depend on the exposure.
 pub fn mean_relative_error(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
@@ -113,31 +111,6 @@ pub fn relative_error_map(test: &Buffer, reference: &Buffer) -> Result<Vec<f64>,
 /// Light of the pixels, the channels added up.
 fn light(picture: &Buffer) -> impl Iterator<Item = f64> + Clone {
     picture.pixels.iter().map(|f| f.as_dvec3().element_sum())
-}
-
-/// 3ε of [`mean_relative_error`], from the light of all pixels, the channels added up.
-fn floor(light: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = light.fold((0.0, 0u64), |(s, n), x| (s + x.max(0.0), n + 1));
-    sum / (30 * count.max(1)) as f64
-}
-
-/// [`relative_error_map`] of pixels of this light and these absolute errors, the channels of each added up.
-pub(crate) fn relative_errors(
-    light: impl Iterator<Item = f64> + Clone,
-    errors: impl Iterator<Item = f64>,
-) -> impl Iterator<Item = f64> {
-    let floor = floor(light.clone());
-    light.zip(errors).map(move |(light, error)| match error {
-        // Without light and error the quotient is not a number.
-        0.0 => 0.0,
-        _ => (error / (light.max(0.0) + floor)).min(1.0),
-    })
-}
-
-/// Mean of numbers, 0 of none.
-pub(crate) fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0u64), |(s, n), x| (s + x, n + 1));
-    sum / count.max(1) as f64
 }
 
 /// Symmetric relative error, in [0, 1].

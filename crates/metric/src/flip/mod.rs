@@ -5,16 +5,16 @@
 //! the largest LDR error over exposures that take the reference from its brightest pixel to its median just
 //! below white, after the ACES tone curve.
 
-pub(in crate::image) mod colour;
+pub(crate) mod colour;
 mod filter;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{MetricError, check};
-use crate::image::Buffer;
-use crate::image::display::{ACES, aces};
 use filter::{ACHROMATIC, BLUE_YELLOW, Detectors, Plane, RED_GREEN};
+use opsr::image::Buffer;
+use opsr::image::display::{ACES, aces};
 
 /// Pixels per degree of sight of the published default: a 4K display of 0.7 m at 0.7 m.
 pub const DEFAULT_PPD: f64 = 67.0;

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::pixel::EPSILON;
 use super::{Metric, MetricError, check};
-use crate::image::Buffer;
+use opsr::image::Buffer;
+use opsr::image::relative::EPSILON;
 
 /// The mean squared error of one render, split. Absolute and relative to the reference.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]

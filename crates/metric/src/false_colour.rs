@@ -5,9 +5,9 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::Buffer;
-use super::metric::flip::colour::lab_to_rgb;
-use crate::math::Rgb;
+use crate::flip::colour::lab_to_rgb;
+use opsr::image::Buffer;
+use opsr::math::Rgb;
 
 /// Linear RGB of a value in [0, 1]; below and above are clamped.
 ///
@@ -36,7 +36,7 @@ pub fn map(width: usize, height: usize, values: &[f32]) -> Buffer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::luminance;
+    use opsr::math::luminance;
 
     #[test]
     fn false_colour_lightness_is_even() {

@@ -70,7 +70,7 @@ pub(super) fn hunt_lab(rgb: DVec3) -> DVec3 {
 }
 
 /// CIELAB to linear sRGB; outside [0, 1] where the display has no such colour.
-pub(in crate::image) fn lab_to_rgb(lab: DVec3) -> DVec3 {
+pub(crate) fn lab_to_rgb(lab: DVec3) -> DVec3 {
     const DELTA: f64 = 6.0 / 29.0;
     let inverse = |f: f64| {
         if f > DELTA {

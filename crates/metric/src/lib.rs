@@ -5,10 +5,12 @@
 //! | [`pixel`] | squared, relative and absolute errors, energy, the worst pixel |
 //! | [`seeds`] | bias² and variance apart, from several renders of one picture |
 //! | [`flip`] | FLIP and HDR-FLIP: the difference a viewer sees |
+//! | [`false_colour`] | colours of error maps |
 //!
 //! A pixel is never skipped in silence: one that is not finite is an error of the comparison, and so are pictures
 //! of different sizes.
 
+pub mod false_colour;
 pub mod flip;
 pub mod pixel;
 pub mod seeds;
@@ -17,7 +19,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::Buffer;
+use opsr::image::Buffer;
 
 pub use pixel::{
     Worst, energy_ratio, mape, mean_relative_error, mse, relative_error_map, relmse,
