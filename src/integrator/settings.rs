@@ -280,9 +280,9 @@ impl Settings {
                 }
                 Content::Dispersion => {
                     let what = "dispersion (KHR_materials_dispersion)";
-                    (scene.has_dispersion(), what)
+                    (scene.features().dispersion, what)
                 }
-                Content::Overlaps => (scene.has_overlaps(), "bodies that overlap"),
+                Content::Overlaps => (scene.features().overlaps, "bodies that overlap"),
             };
             if is_there {
                 return Err(format!("{} knows no {what}", kind.name()));
@@ -428,7 +428,7 @@ impl Integrator for PathIntegrator {
             is_blurred,
         } = self;
         let Picture { film, aovs, levels } = picture;
-        let is_plain = tracer.rule == Rule::Plain || !view.scene.has_lobes();
+        let is_plain = tracer.rule == Rule::Plain || !view.scene.features().lobes;
         if *is_blurred {
             let levels = levels.get_or_insert_with(|| LevelFilm::new(film.size, film.window, 1));
             let plain = tracer.with(Unregularised);

@@ -264,7 +264,7 @@ fn worth_a_try(contenders: &[Contender], scene: &Scene) -> Vec<usize> {
     let is_worth = |c: &Contender| {
         knows(c)
             && match c.kind {
-                IntegratorKind::Path => c.settings.rule == Rule::Plain || scene.has_lobes(),
+                IntegratorKind::Path => c.settings.rule == Rule::Plain || scene.features().lobes,
                 IntegratorKind::Bdpt => lit,
                 _ => caustics,
             }

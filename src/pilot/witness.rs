@@ -87,7 +87,7 @@ fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
     let roughened = settings.rule != Rule::Plain;
     // Roughened phase functions do not keep the light of a picture.
     let uneven = (view.scene.media()).is_some_and(Media::has_lobes);
-    if roughened || uneven || settings.strategy.is_some() || !view.scene.has_lobes() {
+    if roughened || uneven || settings.strategy.is_some() || !view.scene.features().lobes {
         return 0;
     }
     let cost = settings.estimator.cost(1.0);

@@ -298,7 +298,7 @@ impl<'a> Request<'a> {
         };
         for one in specs {
             let method = one.method()?;
-            let (settings, note) = one.levelled(&method, scene.has_lobes())?;
+            let (settings, note) = one.levelled(&method, scene.features().lobes)?;
             // A table that nobody asked for is for levels alone.
             let own_table = one.table.is_some() && spec.table.is_none();
             if own_table && !settings.amounts.has_choice() {

@@ -119,15 +119,7 @@ impl Guide {
         let (width, height) = self.size;
         let step = STEP as isize;
         let radius = reach(sigma) as isize / step * step;
-        let most = (REACH * sigma).powi(2);
-        // Rows of the disk: how far each reaches.
-        let rows: Vec<(isize, isize)> = (-radius..=radius)
-            .step_by(STEP)
-            .filter_map(|dy| {
-                let half = (most - (dy * dy) as f32).max(-1.0);
-                (half >= 0.0).then(|| (dy, (half.sqrt() as isize).min(radius) / step * step))
-            })
-            .collect();
+        let rows = disk_rows::<STEP>(sigma, radius);
         let (w, h) = inner.size;
         let mut out: Vec<Batches> = layers.iter().map(|_| Vec::with_capacity(w * h)).collect();
         // Weights of the neighbours in a row of the disks around a row of pixels, those at one step after another: long
@@ -346,6 +338,17 @@ fn negative_exponential(x: f32) -> f32 {
     let higher = 0.240_23 + part * (0.055_5 + part * 0.009_67);
     let fraction = 1.0 + part * (std::f32::consts::LN_2 + part * higher);
     f32::from_bits(fraction.to_bits().wrapping_add(whole.to_bits() << 23))
+}
+
+/// Rows of a blur's disk, `STEP` pixels apart, by their offset, and the reach of each to both sides.
+fn disk_rows<const STEP: usize>(sigma: f32, radius: isize) -> Vec<(isize, isize)> {
+    let step = STEP as isize;
+    let most = (REACH * sigma).powi(2);
+    let row = |dy: isize| {
+        let half = (most - (dy * dy) as f32).max(-1.0);
+        (half >= 0.0).then(|| (dy, (half.sqrt() as isize).min(radius) / step * step))
+    };
+    (-radius..=radius).step_by(STEP).filter_map(row).collect()
 }
 
 /// Pixels of a row that have a neighbour so many pixels to the right: how many are skipped, and how many follow.

@@ -101,7 +101,7 @@ impl Scene {
     /// in the same plane up to rounding. A ray that leaves the surface then keeps clear of both.
     #[inline]
     pub(crate) fn touching(&self, surface: &mut Surface) -> Option<u32> {
-        if self.has_touching {
+        if self.features.touching {
             self.find_touching(surface)
         } else {
             None
@@ -152,7 +152,7 @@ impl Scene {
         let material = |mesh: &Mesh| mesh.material as usize;
         let shines =
             |mesh: &Mesh| (materials.get(material(mesh))).is_some_and(|m| m.emission != Rgb::ZERO);
-        let unknown = self.has_overlaps || self.geometry.has_opacity();
+        let unknown = self.features.overlaps || self.geometry.has_opacity();
         if unknown || shared.iter().any(|shared| shines(&shared.mesh)) || !dark.contains(&true) {
             return vec![false; dark.len()];
         }

@@ -13,6 +13,7 @@ pub mod accel;
 pub mod backdrop;
 pub mod bodies;
 pub mod camera;
+mod features;
 pub mod finish;
 mod floor;
 mod framing;
@@ -37,6 +38,7 @@ pub mod texture;
 
 pub use backdrop::Backdrop;
 pub use camera::{Camera, FilmSize, Lens};
+pub use features::Features;
 pub use geometry::Geometry;
 pub use light::{
     Aim, Beam, Emission, EmissionDensity, EmissionSample, Environment, Falloff, LightDensity,
@@ -236,17 +238,12 @@ pub struct Scene {
     constant_bsdfs: Vec<Option<Bsdf>>,
     /// True for each material whose colour the camera sees as a mean over its pixels; empty if there are none.
     filtered: Vec<bool>,
-    has_absorption: bool,
+    features: Features,
     media: Option<Box<Media>>,
-    has_dispersion: bool,
-    has_overlaps: bool,
-    has_touching: bool,
     /// Rank of each material where bodies overlap.
     ranks: Vec<u32>,
-    has_lobes: bool,
     /// True for each material that is a [pane](Material::is_pane); empty if no surface is one.
     panes: Vec<bool>,
-    has_hidden_backs: bool,
     /// For each material, true if no light can reach its bodies' surfaces from inside of them; found when first asked for,
     /// since smooth bodies never ask.
     dark_inside: OnceLock<Vec<bool>>,
@@ -260,7 +257,7 @@ impl Scene {
         let mut scene = Self::build(parts, true);
         let passes = scene.media.is_some() && scene.parts.materials.iter().any(Material::is_null);
         if scene.parts.own_boundaries {
-            scene.has_overlaps = passes;
+            scene.features.overlaps = passes;
             if scene.media.is_some() {
                 scene.warnings.extend(scene.open_media());
             }
@@ -276,9 +273,9 @@ impl Scene {
         scene.warnings.extend(verdict.warnings);
         let priorities =
             (scene.parts.materials.iter()).any(|m| m.bounds_body() && m.priority != 0.0);
-        scene.has_touching = scene.finds_touching();
-        scene.has_overlaps =
-            passes || priorities || scene.has_touching || scene.find_overlaps(&verdict.turned);
+        scene.features.touching = scene.finds_touching();
+        scene.features.overlaps =
+            passes || priorities || scene.features.touching || scene.find_overlaps(&verdict.turned);
         scene
     }
 
@@ -311,18 +308,10 @@ impl Scene {
         let media = Media::of(&mut parts);
         let geometry = Geometry::build(&parts, trees, &mut warnings);
         let lights = Lights::new(&parts, &geometry, &mut warnings);
-        let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
-        let has_dispersion =
-            (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
-        let shown = |m: &Mesh| parts.materials.get(m.material as usize);
-        let sharp = |m: &Material| m.phase.is_some_and(|phase| phase.alpha() < 1.0);
-        let has_lobes = parts.materials.iter().any(sharp)
-            || (parts.all_meshes()).any(|m| !shown(m).is_some_and(Material::is_rough));
+        let features = Features::of(&parts);
         let panes: Vec<bool> = parts.materials.iter().map(Material::is_pane).collect();
         let is_pane = |m: &Mesh| panes.get(m.material as usize) == Some(&true);
         let has_panes = panes.contains(&true) && parts.all_meshes().any(is_pane);
-        let has_hidden_backs =
-            (parts.all_meshes()).any(|m| shown(m).is_some_and(|m| m.hides_back() || m.is_hidden()));
         let constant_bsdfs = (parts.materials.iter()).map(Material::constant_bsdf);
         Self {
             constant_bsdfs: constant_bsdfs.collect(),
@@ -331,14 +320,9 @@ impl Scene {
             parts,
             geometry,
             lights,
-            has_absorption,
+            features,
             media: media.map(Box::new),
-            has_dispersion,
-            has_overlaps: false,
-            has_touching: false,
-            has_lobes,
             panes: if has_panes { panes } else { Vec::new() },
-            has_hidden_backs,
             dark_inside: OnceLock::new(),
             warnings,
         }
@@ -354,10 +338,10 @@ impl Scene {
         &self.parts
     }
 
-    /// True if any body absorbs light.
-    #[inline]
-    pub fn has_absorption(&self) -> bool {
-        self.has_absorption
+    /// Contents that change the work of its paths.
+    #[inline(always)]
+    pub fn features(&self) -> Features {
+        self.features
     }
 
     /// The media of the scene; `None` where no path must know of any but what bodies absorb.
@@ -371,28 +355,16 @@ impl Scene {
         self.media().is_some_and(Media::scatters)
     }
 
-    /// True if any body refracts each colour channel by an index of its own.
-    #[inline]
-    pub fn has_dispersion(&self) -> bool {
-        self.has_dispersion
-    }
-
-    /// True if bodies overlap, touch or have priorities: what a boundary is depends on the bodies around it.
-    #[inline]
-    pub fn has_overlaps(&self) -> bool {
-        self.has_overlaps
-    }
-
     /// True if the index of refraction at an interface depends on the path: by its colour channel, or the bodies around it.
     #[inline]
     pub(crate) fn has_paths_indices(&self) -> bool {
-        self.has_dispersion || self.has_overlaps
+        self.features.dispersion || self.features.overlaps
     }
 
     /// True if a path must know the bodies around it.
     #[inline]
     pub(crate) fn tracks_bodies(&self) -> bool {
-        self.has_absorption || self.has_overlaps || self.media.is_some()
+        self.features.absorption || self.features.overlaps || self.media.is_some()
     }
 
     /// Rank of a material where bodies overlap: that of the highest is there.
@@ -405,11 +377,6 @@ impl Scene {
     #[inline]
     pub(crate) fn is_dark_inside(&self, material: u32) -> bool {
         self.dark_inside.get_or_init(|| self.find_dark_insides())[material as usize]
-    }
-
-    /// True if any surface has a lobe that a rule could roughen.
-    pub fn has_lobes(&self) -> bool {
-        self.has_lobes
     }
 
     /// Triangles and their tree.
@@ -455,12 +422,6 @@ impl Scene {
     #[inline]
     pub fn hides_back(&self, hit: &Hit, dir: Vec3) -> bool {
         self.geometry.hides_back(hit.triangle, dir)
-    }
-
-    /// True if any surface shows its front alone to the camera.
-    #[inline]
-    pub fn has_hidden_backs(&self) -> bool {
-        self.has_hidden_backs
     }
 
     /// [`Scene::hides_back`] at a surface point.

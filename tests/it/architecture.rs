@@ -174,14 +174,13 @@ const WALKED: &[&str] = &[
     "eta_scale",
     "tracks_bodies",
     "bodies_around",
-    "has_overlaps",
-    "has_dispersion",
+    "overlaps",
     "bodies",
     "dispersion",
 ];
 
 /// Words of a refusal.
-const ASKED: &[&str] = &["has_dispersion", "has_overlaps", "bodies", "dispersion"];
+const ASKED: &[&str] = &["overlaps", "bodies", "dispersion"];
 
 /// Files outside of the walk that name them: what a scene has, what an integrator refuses, and other programs' checks.
 /// `refraction_scale` is the BSDF's, and a light walk's flux along a Dirac lobe needs it.

@@ -98,12 +98,12 @@ fn turned_triangles_are_named_and_are_no_overlap() {
         "{warning}"
     );
     assert!(scene.parts().materials[0].solid);
-    assert!(!scene.has_overlaps());
+    assert!(!scene.features().overlaps);
     // A body that overlaps is found all the same.
     let mut parts = under_sky([ball], [0.0, 0.0, 6.0]);
     let other = sphere(Vec3::new(1.0, 0.0, 0.0), 0.5, 3);
     parts.add(glass("other", 1.3, 0.0), [other]);
-    assert!(Scene::new(parts).has_overlaps());
+    assert!(Scene::new(parts).features().overlaps);
 }
 
 /// A warning says where the mesh stands in its file.

@@ -86,7 +86,7 @@ fn assert_channels(alpha: f32, all: &[Settings]) {
 
 #[test]
 fn dispersion_gives_each_channel_the_picture_of_its_index() {
-    assert!(ball(1.5, 2.5).has_dispersion() && !ball(1.5, 0.0).has_dispersion());
+    assert!(ball(1.5, 2.5).features().dispersion && !ball(1.5, 0.0).features().dispersion);
     let path = Settings {
         seed: 3,
         ..Settings::default()

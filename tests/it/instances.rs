@@ -403,7 +403,7 @@ fn furnished() -> SceneParts {
 fn agreement_of_instances_and_copies_in_every_integrator() {
     let parts = furnished();
     let (shared, copies) = (built(parts.clone()), built(copied(&parts)));
-    assert_eq!(shared.has_overlaps(), copies.has_overlaps());
+    assert_eq!(shared.features().overlaps, copies.features().overlaps);
     for kind in [
         IntegratorKind::Path,
         IntegratorKind::Light,
@@ -445,7 +445,7 @@ fn bodies_around_a_point_in_nested_instances() {
     }
     let (shared, copies) = (built(parts.clone()), built(copied(&parts)));
     for scene in [&shared, &copies] {
-        assert!(scene.has_overlaps());
+        assert!(scene.features().overlaps);
         assert!(scene.rank(1) > scene.rank(0));
         let around = |x| scene.bodies_around(&Ray::new(Vec3::new(x, 0.1, 0.1), Vec3::Z));
         for side in [-3.0, 3.0] {

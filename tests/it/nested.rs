@@ -241,7 +241,7 @@ fn analytic_transmittance_of_touching_bodies() {
                 let to = there * Vec3::new(0.3, 0.1, 0.0);
                 parts.add_camera(from.to_array(), to.to_array(), 0.5);
                 let scene = scene(parts);
-                assert!(scene.has_overlaps());
+                assert!(scene.features().overlaps);
                 for estimator in [PATH, Estimator::Bdpt] {
                     let film = film_with(&scene, &deep(estimator), 12, 512);
                     let what = format!("{lower:?} {upper:?} {turn} {camera} {estimator:?}");
@@ -321,7 +321,7 @@ fn path_and_bidirectional_agree_on_ice_in_a_drink() {
     parts.add(ice, [sphere(Vec3::new(0.0, 0.7, 0.0), 0.2, 2)]);
     parts.add_camera([0.0, 1.3, 0.95], [0.0, 0.5, 0.0], 60.0);
     let scene = scene(parts);
-    assert!(scene.has_overlaps());
+    assert!(scene.features().overlaps);
     let film = |estimator, spp, seed| {
         let settings = Settings {
             seed,
@@ -363,7 +363,7 @@ fn overlaps_are_found_and_only_they() {
             emitter("lamp", Rgb::ONE),
             [quad(Vec3::Y * 3.0, Vec3::X, Vec3::Z)],
         );
-        scene(parts).has_overlaps()
+        scene(parts).features().overlaps
     };
     // Inside of a hollow ball, in its wall, reaching out of it; around it.
     assert!(!apart(0.5, 0.0));

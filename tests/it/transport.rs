@@ -306,7 +306,7 @@ fn diffuse_scenes_are_bit_identical_under_every_rule() {
         assert_eq!(film_with(&scene, &settings, 16, 8), plain, "{settings:?}");
     }
     // Such scenes are rendered without a rule; a tracer with one makes the same picture.
-    assert!(!scene.has_lobes());
+    assert!(!scene.features().lobes);
     let mut ruled = Film::new(UVec2::splat(16));
     let view = View::of(&scene, &scene.parts().cameras[0], &ruled);
     let tracer = Settings::default().tracer(Rule::constant(0.3));
@@ -317,7 +317,7 @@ fn diffuse_scenes_are_bit_identical_under_every_rule() {
 
 #[test]
 fn has_lobes_follows_the_materials_in_use() {
-    assert!(scene(caustic_box()).has_lobes());
+    assert!(scene(caustic_box()).features().lobes);
     // A material that no mesh has does not count; a texture may make any roughness smaller.
     let mut parts = cornell_box();
     let glossy = Material {
@@ -325,12 +325,12 @@ fn has_lobes_follows_the_materials_in_use() {
         ..Material::default()
     };
     parts.materials.push(glossy);
-    assert!(!scene(parts.clone()).has_lobes());
+    assert!(!scene(parts.clone()).features().lobes);
     parts.meshes[0].material = parts.materials.len() as u32 - 1;
-    assert!(scene(parts.clone()).has_lobes());
+    assert!(scene(parts.clone()).features().lobes);
     let material = parts.materials.last_mut().unwrap();
     material.alpha = 1.0;
-    assert!(!scene(parts.clone()).has_lobes());
+    assert!(!scene(parts.clone()).features().lobes);
     parts.textures.push(Texture::default());
     parts
         .materials
@@ -341,7 +341,7 @@ fn has_lobes_follows_the_materials_in_use() {
         texture: parts.textures.len() as u32 - 1,
         transform: Default::default(),
     });
-    assert!(scene(parts).has_lobes());
+    assert!(scene(parts).features().lobes);
 }
 
 #[test]

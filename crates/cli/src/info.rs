@@ -250,7 +250,7 @@ pub(super) fn unused(scene: &Scene, rule: &Rule) -> Vec<String> {
     let off = [
         ("textures", parts.textures.is_empty()),
         ("environment", parts.environment.is_none()),
-        ("absorption", !scene.has_absorption()),
+        ("absorption", !scene.features().absorption),
         ("opacity", !scene.geometry().has_opacity()),
         (
             "transmission",

@@ -97,7 +97,7 @@ impl Bidirectional {
             merging,
             light_merging,
             mollifier,
-            rule: self.split.as_ref().filter(|_| view.scene.has_lobes()),
+            rule: self.split.as_ref().filter(|_| view.scene.features().lobes),
             light: source(Domain::Light),
             camera: source(Domain::Camera),
             camera_walks: CameraWalks::of(view),

@@ -102,7 +102,7 @@ impl Integrator for Guided {
         let source = Independent {
             seed: Seed(self.seed).derive(Domain::Camera, 0),
         };
-        let learning = (self.unbiased && view.scene.has_lobes()).then_some(&self.tracer.rule);
+        let learning = (self.unbiased && view.scene.features().lobes).then_some(&self.tracer.rule);
         let paths = GuidedPaths {
             view,
             source,
@@ -112,7 +112,7 @@ impl Integrator for Guided {
         let added = match (aovs, &self.tracer.rule) {
             (Some(aovs), _) if self.unbiased => state.pass(&plain, &paths, samples, film, aovs),
             (Some(aovs), _) => state.pass(&self.tracer, &paths, samples, film, aovs),
-            (None, rule) if self.unbiased || *rule == Rule::Plain || !view.scene.has_lobes() => {
+            (None, rule) if self.unbiased || *rule == Rule::Plain || !view.scene.features().lobes => {
                 state.pass(&plain, &paths, samples, film, &mut ())
             }
             (None, Rule::Accumulated(rule)) => {

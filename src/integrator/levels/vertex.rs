@@ -134,13 +134,9 @@ impl<'a, const N: usize> RoughenedVertex<'a, N> {
         let Some(light) = &light else {
             return Rgb::ZERO;
         };
-        let wi = point.frame.to_local(light.wi);
-        if light.wi.dot(point.surface.ng) * wi.z <= 0.0
-            || point.is_dark(light.wi)
-            || point.passes(wi)
-        {
+        let Some(wi) = point.direction_to(light) else {
             return Rgb::ZERO;
-        }
+        };
         let query = point.bsdf.query(point.wo, wi);
         let Some(query) = &query else {
             return Rgb::ZERO;
@@ -151,10 +147,9 @@ impl<'a, const N: usize> RoughenedVertex<'a, N> {
         if dark {
             return Rgb::ZERO;
         }
-        let Some(transmittance) = point.transmittance_to(light) else {
+        let Some(radiance) = point.radiance_of(light) else {
             return Rgb::ZERO;
         };
-        let radiance = point.throughput * light.radiance * transmittance;
         let density = light.density.value();
         // The operations of `ShadingPoint::direct_light`, in its order.
         let weight = light.density.mis_weight(plain.pdf_w);

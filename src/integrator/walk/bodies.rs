@@ -158,7 +158,7 @@ impl EnclosingBodies {
     #[inline]
     fn present(&self, scene: &Scene) -> Option<u32> {
         let around = self.materials[..self.len as usize].iter().copied();
-        if scene.has_overlaps() {
+        if scene.features().overlaps {
             around.max_by_key(|&material| scene.rank(material))
         } else {
             around.last()
@@ -172,7 +172,7 @@ impl EnclosingBodies {
             return self.transmittance_in(scene, media, distance);
         }
         // A forgotten body may outrank those that are remembered.
-        if self.forgotten > 0 && (self.len == 0 || scene.has_overlaps()) {
+        if self.forgotten > 0 && (self.len == 0 || scene.features().overlaps) {
             return Rgb::NAN;
         }
         let Some(material) = self.present(scene) else {
@@ -190,7 +190,7 @@ impl EnclosingBodies {
 
     /// Medium that fills the place; `None` where a body was forgotten that may be there.
     pub(super) fn filling<'m>(&self, scene: &Scene, media: &'m Media) -> Option<&'m Filling> {
-        let ranked = scene.has_overlaps() && !scene.parts().own_boundaries;
+        let ranked = scene.features().overlaps && !scene.parts().own_boundaries;
         let remembered = self.materials[..self.len as usize].iter();
         let mut filled = remembered.filter_map(|&m| Some((m, media.of_body(m)?)));
         let there = match ranked {
@@ -206,7 +206,7 @@ impl EnclosingBodies {
 
     /// Enters or leaves a body whose boundary does not exist for a ray along `dir`; false at all other surfaces.
     pub(super) fn passes(&mut self, scene: &Scene, surface: &mut Surface, dir: Vec3) -> bool {
-        if !scene.has_overlaps() || !scene.material(surface).bounds_body() {
+        if !scene.features().overlaps || !scene.material(surface).bounds_body() {
             return false;
         }
         let touching = scene.touching(surface);
@@ -259,7 +259,7 @@ impl EnclosingBodies {
         dir: Vec3,
         bsdf: &mut Bsdf,
     ) {
-        if scene.has_overlaps()
+        if scene.features().overlaps
             && let Some(dielectric) = bsdf.dielectric_mut()
         {
             let touching = scene.touching(surface);
@@ -271,7 +271,7 @@ impl EnclosingBodies {
     /// Follows a ray to the surface that ends it, through boundaries that do not exist, and enters and leaves their bodies.
     #[inline]
     pub(in crate::integrator) fn follow(&mut self, scene: &Scene, ray: &Ray) -> Segment {
-        if scene.has_overlaps() {
+        if scene.features().overlaps {
             return self.follow_through(scene, ray);
         }
         Segment {
@@ -402,7 +402,7 @@ impl EnclosingBodies {
         distance: f32,
         panes: u32,
     ) -> Option<Rgb> {
-        if scene.has_overlaps() {
+        if scene.features().overlaps {
             return self.unblocked_through(scene, ray, distance, panes);
         }
         let passed = scene.unblocked(ray, panes)?;

@@ -24,7 +24,7 @@ impl Channel {
         throughput: &mut Rgb,
     ) -> Bsdf {
         let mut bsdf = scene.bsdf_seen(surface, u, footprint);
-        if scene.has_dispersion() {
+        if scene.features().dispersion {
             let material = scene.material(surface);
             *throughput = self.split(&mut bsdf, material, u, *throughput);
         }

@@ -143,7 +143,7 @@ impl Interaction<'_> {
     ) -> Option<Rgb> {
         let seen = self.unblocked(scene, around, ray, distance, panes);
         // A pane may be seen from its back, which passes all light.
-        if scene.has_hidden_backs() && (seen.is_none() || scene.has_panes()) {
+        if scene.features().hidden_backs && (seen.is_none() || scene.has_panes()) {
             let around = match scene.tracks_bodies() {
                 true => self.around(scene, around, ray.dir),
                 false => Surroundings::default(),
@@ -282,8 +282,8 @@ impl<'a> Walk<'a> {
         'a: 'b,
     {
         let scene = self.scene;
-        if !scene.has_dispersion()
-            && !scene.has_overlaps()
+        if !scene.features().dispersion
+            && !scene.features().overlaps
             && let Some(bsdf) = scene.constant_bsdf(surface.material)
         {
             return bsdf;

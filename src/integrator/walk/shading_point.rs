@@ -9,7 +9,7 @@ use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::sampler::LightU;
 use crate::scene::{Emission, LightSample, Scene, Surface};
 
-/// A scattering vertex. Borrows what it would be dear to copy once a vertex.
+/// A scattering vertex. Its larger fields are borrowed: a copy at every vertex is slow.
 pub struct ShadingPoint<'a> {
     /// The scene.
     pub scene: &'a Scene,
@@ -129,11 +129,9 @@ impl ShadingPoint<'_> {
         let Some(light) = &light else {
             return Rgb::ZERO;
         };
-        let wi = self.frame.to_local(light.wi);
-        if light.wi.dot(self.surface.ng) * wi.z <= 0.0 || self.is_dark(light.wi) || self.passes(wi)
-        {
+        let Some(wi) = self.direction_to(light) else {
             return Rgb::ZERO;
-        }
+        };
         let eval = self.bsdf.eval(self.alpha_reg, self.wo, wi);
         // Events that are dark at this roughness are reported too: at another they are not.
         let query = if O::EVENTS && self.is_roughened() {
@@ -144,10 +142,9 @@ impl ShadingPoint<'_> {
         if eval.value == Rgb::ZERO && query.is_none() {
             return Rgb::ZERO;
         }
-        let Some(transmittance) = self.transmittance_to(light) else {
+        let Some(radiance) = self.radiance_of(light) else {
             return Rgb::ZERO;
         };
-        let radiance = self.throughput * light.radiance * transmittance;
         if let Some(query) = query {
             observer.event(&Event {
                 pdf_light: light.density.value(),
@@ -157,6 +154,21 @@ impl ShadingPoint<'_> {
         }
         let weight = light.density.mis_weight(pdf(light.wi, eval.pdf_w));
         radiance * eval.value * (weight / light.density.value())
+    }
+
+    /// Local direction towards a light sample; `None` where the vertex reflects and transmits none of its light.
+    #[inline(always)]
+    pub(in crate::integrator) fn direction_to(&self, light: &LightSample) -> Option<Vec3> {
+        let wi = self.frame.to_local(light.wi);
+        let lit = light.wi.dot(self.surface.ng) * wi.z > 0.0;
+        (lit && !self.is_dark(light.wi) && !self.passes(wi)).then_some(wi)
+    }
+
+    /// Radiance of a light sample that arrives here, times the throughput; `None` if something stands between.
+    #[inline(always)]
+    pub(in crate::integrator) fn radiance_of(&self, light: &LightSample) -> Option<Rgb> {
+        let transmittance = self.transmittance_to(light)?;
+        Some(self.throughput * light.radiance * transmittance)
     }
 
     /// The bodies around a ray from here along the world direction `wi`.
@@ -190,7 +202,7 @@ impl ShadingPoint<'_> {
             return Some((self.scene.emission_along(&ray)?, Rgb::ONE));
         }
         let mut bodies = self.bodies_towards(wi);
-        if !self.scene.has_overlaps() {
+        if !self.scene.features().overlaps {
             let emission = self.scene.emission_along(&ray)?;
             let transmittance = bodies.transmittance(self.scene, emission.distance);
             return Some((emission, transmittance));

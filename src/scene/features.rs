@@ -1,0 +1,40 @@
+//! Contents of a scene that change the work of its paths. A path does the work of those that are there.
+
+use super::{Material, Mesh, SceneParts};
+use crate::math::Rgb;
+
+/// Contents of a scene that change the work of its paths, found once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Features {
+    /// Bodies that absorb light.
+    pub absorption: bool,
+    /// Bodies that refract each colour channel by an index of its own.
+    pub dispersion: bool,
+    /// Bodies that overlap, touch or have priorities: what a boundary is depends on the bodies around it.
+    pub overlaps: bool,
+    /// Bodies that touch.
+    pub(super) touching: bool,
+    /// Lobes that a rule can roughen.
+    pub lobes: bool,
+    /// Surfaces that show only their front to the camera.
+    pub hidden_backs: bool,
+}
+
+impl Features {
+    /// Features of materials and meshes, without those of bodies that overlap or touch: finding these takes the trees.
+    pub(super) fn of(parts: &SceneParts) -> Self {
+        let materials = &parts.materials;
+        let shown = |m: &Mesh| materials.get(m.material as usize);
+        let sharp = |m: &Material| m.phase.is_some_and(|phase| phase.alpha() < 1.0);
+        let rough = |m: &Mesh| shown(m).is_some_and(Material::is_rough);
+        let front_only = |m: &Material| m.hides_back() || m.is_hidden();
+        Self {
+            absorption: materials.iter().any(|m| m.absorption != Rgb::ZERO),
+            dispersion: (materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body()),
+            overlaps: false,
+            touching: false,
+            lobes: materials.iter().any(sharp) || parts.all_meshes().any(|m| !rough(m)),
+            hidden_backs: parts.all_meshes().any(|m| shown(m).is_some_and(front_only)),
+        }
+    }
+}
