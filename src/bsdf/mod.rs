@@ -151,7 +151,7 @@ impl LobeQuery {
         let one = T::constant(1.0);
         let d = self.distribution.d(alpha, self.tan2_h);
         if d.value() == 0.0 {
-            // Far from a sharp lobe: its masking is dear and changes nothing.
+            // Far from a sharp lobe: its masking is slow to compute and changes nothing.
             return LobeShape { dg2: d, dg1: d };
         }
         let masked = one + self.distribution.lambda(alpha, self.tan2_o);
@@ -162,7 +162,7 @@ impl LobeQuery {
         }
     }
 
-    /// True if there is no glossy lobe: its D and Λ are dear, and would be multiplied by 0.
+    /// True if there is no glossy lobe: its D and Λ are slow to compute, and would be multiplied by 0.
     #[inline]
     fn is_diffuse(&self) -> bool {
         self.pdf_scale == 0.0 && self.scale == Rgb::ZERO

@@ -10,7 +10,7 @@
 //! - The library is loaded before any of its functions is taken and outlives them: [`Denoiser`] owns it, and no function
 //!   leaves this module.
 //! - Every handle comes from the device that it is used with, on the thread that made it, and is released once.
-//! - Buffers are rows of three `f32` without gaps, of the length that the library is told; inputs are only read, and the
+//! - Buffers are rows of three `f32` without gaps, of the length that the library receives; inputs are only read, and the
 //!   output is borrowed mutably until the filter has run, which `execute` waits for.
 
 #![allow(unsafe_code)]
@@ -255,7 +255,7 @@ impl Denoiser {
     }
 }
 
-// Three singles without gaps are what the library is told.
+// The library receives three singles without gaps.
 const _: () = assert!(size_of::<Rgb>() == 12 && align_of::<Rgb>() == 4);
 
 #[cfg(test)]

@@ -284,7 +284,7 @@ mod tests {
             .collect();
         assert!(steps.is_sorted());
         assert_eq!((show(0.0), show(-1.0), show(f32::MAX)), (0.0, 0.0, 1.0));
-        // Where plain sRGB is white: two stops that can be told apart.
+        // Where plain sRGB is white: two stops that differ.
         assert!(show(1.0) < 0.7 && show(4.0) > show(1.0) + 0.1 && show(4.0) < 1.0);
     }
 }

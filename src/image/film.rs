@@ -447,7 +447,7 @@ impl Film {
         (start..start + w, row as usize * w..(row as usize + 1) * w)
     }
 
-    /// The film in bands of so many rows, the last of which may have fewer. What they refuse is theirs: [`Film::refuse`] adds it.
+    /// The film in bands of `rows` rows; the last may have fewer. [`Film::refuse`] adds the samples that they refuse.
     pub(crate) fn bands(&mut self, rows: u32) -> impl Iterator<Item = FilmBand<'_>> {
         let all = self.window;
         let pixels = self.pixels.chunks_mut(all.w as usize * rows as usize);

@@ -199,7 +199,7 @@ impl LevelFilm {
         plain + if carried { plain - counts } else { 0 }
     }
 
-    /// Bytes that a film of so many pixels takes, beside the film of level 0, before sums are carried over.
+    /// Bytes that a film of `pixels` pixels takes, beside the film of level 0, before sums are carried over.
     pub fn bytes(pixels: usize, levels: usize) -> u64 {
         let each = size_of::<[u32; BATCHES]>()
             + size_of::<Features>()
@@ -263,7 +263,7 @@ impl LevelFilm {
         (self.carried).get_or_insert_with(|| Carried::new(pixels, levels));
     }
 
-    /// The film in bands of so many rows, the last of which may have fewer, for these samples.
+    /// The film in bands of `rows` rows, the last of which may have fewer, for these samples.
     pub(crate) fn bands(&mut self, rows: u32, samples: &Range<u32>) -> Vec<LevelBand<'_>> {
         if samples.clone().any(carries) {
             self.begin_to_carry();

@@ -86,7 +86,7 @@ impl Recorded {
         time: true,
     };
 
-    /// The parts with so many numbers of a pixel in [`Aovs::numbers`]: no two sets of parts have the same.
+    /// The parts with `each` numbers a pixel in [`Aovs::numbers`]: no two sets of parts have the same.
     pub(crate) fn with_numbers(each: usize) -> Option<Self> {
         let mut sets = (1..8u8).map(|bits| Self {
             first: bits & 1 != 0,

@@ -46,7 +46,7 @@ pub struct RenderProgress {
     pub elapsed: Duration,
     /// Part of the budget that is spent, in [0, 1]; `None` without a budget.
     pub fraction: Option<f64>,
-    /// Estimated relative error; only computed for a budget that asks for it.
+    /// Estimated relative error; only computed for a budget that needs it.
     pub error: Option<f64>,
 }
 

@@ -206,7 +206,7 @@ impl Estimator {
         }
     }
 
-    /// Usual cost of a sample of a pixel in samples of the path tracer, with so many light paths a pixel.
+    /// Usual cost of a sample of a pixel in samples of the path tracer, with this number of light paths a pixel.
     pub(crate) fn cost(self, light_paths: f64) -> f64 {
         let [camera, light] = self.kind().row().cost;
         let cost = camera + light * light_paths;

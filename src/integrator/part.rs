@@ -348,7 +348,7 @@ fn merge_all(
         let (part, _) = Part::open(path).map_err(|e| MergeError::File(e.at(path)))?;
         parts.push((path.as_path(), part));
     }
-    // Files are told apart by what they have, not by their order: so is the first of several refused samples.
+    // Sorted by content: the first of several refused samples does not depend on the order of the files.
     parts.sort_by_key(|(_, part)| {
         let [x, y, w, h] = part.window;
         (part.samples, y, x, h, w)

@@ -268,7 +268,7 @@ impl Settings {
         }
     }
 
-    /// An error if the estimator cannot show what the scene asks for.
+    /// An error if the estimator cannot show the contents of the scene.
     pub fn check_scene(&self, scene: &Scene) -> Result<(), String> {
         let kind = self.estimator.kind();
         for content in kind.row().refuses {

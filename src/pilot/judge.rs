@@ -54,7 +54,7 @@ pub(super) struct Draft {
 }
 
 impl Draft {
-    /// The picture of a contender after so many samples per pixel, each of this cost.
+    /// The picture of a contender after this number of samples per pixel, each of this cost.
     pub(super) fn of(contender: &Contender, picture: &Picture, samples: u32, cost: f64) -> Self {
         let grey = |buffer: &Buffer| {
             let each = |p: &Rgb| p.as_dvec3().element_sum() / 3.0;
@@ -113,7 +113,7 @@ impl Draft {
         (time / self.cost).max(1.0)
     }
 
-    /// Samples by which the variance of one is divided in so many.
+    /// Number of samples by which the variance of one is divided.
     fn divisor(&self, samples: f64) -> f64 {
         match self.kind {
             // The radius of merges shrinks, so that the variance of a sample rises with n^(1 − α).

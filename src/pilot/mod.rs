@@ -43,7 +43,7 @@ const PIXELS: (f64, f64) = (1024.0, 4096.0);
 const FIRST: f64 = 7.0;
 const SAMPLES: (u32, u32) = (2, 1024);
 
-/// Contenders with so many times the least error leave the race, unless the scene calls for them.
+/// Contenders with more than this multiple of the least error leave the race, unless the scene calls for them.
 const BEHIND: f64 = 2.0;
 
 /// Camera paths per CPU-second, by which the time of a render is work.
@@ -87,7 +87,7 @@ impl Contender {
 /// Length of the render.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Horizon {
-    /// The time that the path tracer takes for so many samples per pixel.
+    /// The time that the path tracer takes for a number of samples per pixel.
     Samples(u32),
     /// CPU-seconds over all threads.
     Seconds(f64),
@@ -104,7 +104,7 @@ pub struct Trial {
     pub samples: f64,
     /// Expected relative error at the end of the render: mean over tiles of the root of their relMSE, at most 1 each.
     pub error: f64,
-    /// Share of the picture's light that it will never find, as far as that is more than noise.
+    /// Share of the picture's light that it will never find; 0 within noise.
     pub missed: f64,
 }
 
@@ -411,7 +411,7 @@ struct Runner {
 }
 
 impl Runner {
-    /// A contender before its first round of so many samples, for the small picture of a view.
+    /// A contender before its first round with this number of samples, for the small picture of a view.
     fn new(
         contender: &Contender,
         view: &View<'_>,

@@ -6,7 +6,7 @@ use crate::math::UVec2;
 /// Edge in pixels of the tiles that bias is measured on.
 pub(crate) const TILE: u32 = 4;
 
-/// Size of the pilot's whole picture, and its window of about so many pixels: whole tiles.
+/// Size of the pilot's whole picture, and its window of about `pixels` pixels: whole tiles.
 pub(crate) fn pilot_window(frame: UVec2, window: Window, pixels: f32) -> (UVec2, Window) {
     let scale = (pixels / window.len().max(1) as f32).sqrt();
     let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;

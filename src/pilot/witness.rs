@@ -1,9 +1,9 @@
-//! A few roughened paths beside a picture, as a witness of light that the picture's integrator has not met.
+//! A few roughened paths beside a picture, as a witness of light that the picture's integrator has missed.
 //!
-//! An estimator that has not met some light does not know of it: its noise is that of the rest. Roughened paths meet the light of
+//! The noise of an estimator does not show light that it has missed. Roughened paths meet the light of
 //! caustics and of lamps behind glass soon, at nearly the right energy but not quite at the right place. So the witness speaks where the
 //! whole picture is darker than its own by more than both noises and what roughening changes, and where some part of it is darker
-//! by more than chance brings to the darkest of so many. One bright sample is one standard error: twenty are needed.
+//! by more than the darkest of so many parts is by chance. One bright sample is one standard error: twenty are needed.
 //!
 //! Its samples have random numbers of their own and depend on seed and pixel alone, their number on that of the picture's: what
 //! it says of a picture is the same however the render was cut, and no pixel changes.
@@ -81,7 +81,7 @@ impl fmt::Display for Missing {
     }
 }
 
-/// Samples per pixel of the witness of a render of so many samples; 0 where it would have nothing to say: for several levels,
+/// Samples per pixel of the witness of a render with this number of samples; 0 where it finds nothing: for several levels,
 /// whose roughest is one, for roughened paths, for scenes without anything glossy, and for renders that are too short.
 fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
     let roughened = settings.rule != Rule::Plain;
@@ -122,7 +122,7 @@ impl Part {
     }
 }
 
-/// Looks for light that a render of a view lacks after so many samples.
+/// Looks for light that a render of a view misses after this number of samples.
 pub fn missing_light(
     view: &View<'_>,
     settings: &Settings,
@@ -158,7 +158,7 @@ pub fn missing_light(
     Some(Missing { finder, ..found })
 }
 
-/// The light that a film lacks beside that of a witness with so many samples per pixel.
+/// The light that a film misses, by a witness with this number of samples per pixel.
 fn compared(witness: &Film, film: &Film, samples: u32) -> Option<Missing> {
     let window = film.window;
     let edge = (f64::from(TILE.0) / f64::from(samples)).sqrt().ceil() as u32;

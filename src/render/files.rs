@@ -182,7 +182,7 @@ impl Outputs {
     }
 }
 
-/// Fails if a file cannot be made or replaced here, as far as one can tell without touching it: better known before
+/// Fails if a file cannot be made or replaced here, without touching it: better known before
 /// a long render than after.
 pub fn can_write(file: &Path) -> Result<(), Fault> {
     let cannot = |what: &str| Err(Fault::Output(format!("{}: {what}", file.display())));

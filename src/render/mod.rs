@@ -7,7 +7,7 @@
 //! | [`fault`] | refusals and failures, with options by the user's names for them |
 //! | [`look`] | a camera of one's own, as numbers and as a file |
 //! | `method` | estimator and rule of a spec; which options go together |
-//! | [`open`](mod@open) | the scene that a spec asks for |
+//! | [`open`](mod@open) | the scene of a spec |
 //! | [`request`] | a spec checked against a scene: frame, camera, settings, pilot; [`run`] |
 //! | [`output`] | metadata, checkpoints and parts of a request |
 //! | [`finished`] | the end of a render: choice, denoiser, errors, layers |

@@ -1,4 +1,4 @@
-//! The scene that a render asks for: the glTF file, and what surrounds it.
+//! The scene of a render: the glTF file and its surroundings.
 
 use super::fault::Fault;
 use super::spec::Spec;
@@ -35,7 +35,7 @@ pub struct Opened {
 }
 
 impl Opened {
-    /// Moves the cameras to the moment of a spec that asks for this scene and this light at another moment. False if that is not
+    /// Moves the cameras to the moment of a spec with this scene and this light at another moment. False if that is not
     /// enough: the animations move other things too.
     pub fn at(&mut self, spec: &Spec, path: &Path, formats: Formats) -> Result<bool, Fault> {
         if self.animations.is_empty() {
@@ -71,7 +71,7 @@ impl Opened {
     }
 }
 
-/// Warnings of one kind that are told in full; of more only their number.
+/// Warnings of one kind that are printed in full; of more only their number.
 const TOLD: usize = 3;
 
 /// Characters at the end of a warning that tell its kind: names stand in front.

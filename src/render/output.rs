@@ -154,7 +154,7 @@ impl Request<'_> {
         format!("{} --crop {x},{y},1,1 --spp {end}", self.command())
     }
 
-    /// The command that renders this picture, but for files, part and samples.
+    /// The command that renders this picture, without files, part and samples.
     pub fn command(&self) -> String {
         let mut words = vec![
             "opsr".to_owned(),

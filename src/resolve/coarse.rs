@@ -33,13 +33,13 @@ const WINDOW: f32 = 12.0;
 /// Radius in cells at which energy is compared.
 const RADIUS: usize = 3;
 
-/// Radius in cells at which it is given back.
+/// Radius in cells at which energy is restored.
 const SMOOTH: usize = 1;
 
 /// Pixels that the tent of [`RADIUS`] averages: 1 / Σ w², with n = 28 and Σ w² = (2 n² + 1) / (3 n³) along each side.
 const AVERAGED: f32 = 1762.0;
 
-/// Least and largest factor by which energy is given back: where plain paths have met a sun under water by a few hits, their
+/// Least and largest factor that restores energy: where plain paths have met a sun under water by a few hits, their
 /// blur has lost most of the light.
 pub(super) const FACTORS: [f32; 2] = [0.5, 16.0];
 
@@ -209,7 +209,7 @@ impl Coarse {
         brought(have, mean(best) - have, variance)
     }
 
-    /// Hits expected among so many pixels of this light that comes in hits of this size.
+    /// Expected hits in a number of pixels with this light, where each hit has this size.
     fn expected(&self, pixels: f32, light: Vec3A, size: f32) -> f32 {
         let light = light.element_sum() / 3.0;
         pixels * self.count as f32 * light / size.max(f32::MIN_POSITIVE)
@@ -239,7 +239,7 @@ impl Coarse {
     }
 }
 
-/// The factor that brings so much light by so much more, as far as that stands out of this variance beyond doubt.
+/// The factor that raises the light `have` by the part of `more` that is significant against this variance.
 pub(super) fn brought(have: Vec3A, more: Vec3A, variance: Vec3A) -> Vec3A {
     let floor = have * ROUNDING;
     let noise = DOUBT * (variance + floor * floor);
@@ -259,7 +259,7 @@ pub(super) struct Missing {
 }
 
 impl Missing {
-    /// Variance to add where so many times the pixels are averaged.
+    /// Variance to add to an average over `times` as many pixels.
     pub(super) fn noise(&self, times: f32) -> Vec3A {
         self.variance * (-self.expected * times).exp()
     }

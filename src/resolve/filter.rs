@@ -74,7 +74,7 @@ where
     }
 }
 
-/// The mean of so many values.
+/// The mean of `count` values.
 #[inline(always)]
 fn mean<T>(count: usize, value: impl Fn(usize) -> T) -> T
 where

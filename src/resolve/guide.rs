@@ -351,7 +351,7 @@ fn disk_rows<const STEP: usize>(sigma: f32, radius: isize) -> Vec<(isize, isize)
     (-radius..=radius).step_by(STEP).filter_map(row).collect()
 }
 
-/// Pixels of a row that have a neighbour so many pixels to the right: how many are skipped, and how many follow.
+/// Pixels of a row that have a neighbour `dx` pixels to the right: the number skipped before them, and their number.
 fn inside(inner: &Inner, dx: isize) -> Option<(usize, usize)> {
     let (origin, w) = (inner.origin.0 as isize, inner.size.0 as isize);
     let from = (-dx - origin).clamp(0, w);
@@ -371,7 +371,7 @@ pub(super) struct Inner {
 }
 
 impl Inner {
-    /// As large a part of the larger rectangle, of this height, as lies within so many pixels of this one.
+    /// As large a part of the larger rectangle, of this height, as lies within `around` pixels of this one.
     pub(super) fn grown(&self, around: usize, height: usize) -> Self {
         let range = |start: usize, length: usize, end: usize| {
             let from = start.saturating_sub(around);

@@ -41,7 +41,7 @@ pub(super) struct Candidate {
     pub(super) light: Batches,
     /// Numbers of the candidates that it is judged against.
     pub(super) sharper: Vec<usize>,
-    /// Variance of what it has not met, if any.
+    /// Variance of light that it has missed, if any.
     pub(super) missing: Option<Vec<Vec3A>>,
     /// True if it is blurred.
     pub(super) blurred: bool,

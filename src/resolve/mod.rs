@@ -22,12 +22,12 @@
 //! levels, as it is or blurred along the first rough surface (`guide.rs`). What a blur takes across an edge, light or noise,
 //! is weighted for the darkest of the pixels around.
 //!
-//! A level that has met nothing looks free of noise: V_k has the variance of what it has not met, too
-//! (`coarse.rs`), as far as it was not to be expected.
+//! A level that has met nothing looks free of noise. So V_k also includes the variance of light that level k has missed,
+//! weighted by the chance of missing it (`coarse.rs`).
 //!
 //! A layer is Σ_k tent_1(1[k* = k]) of its candidates, brought to the energy of the best level at a coarse
-//! scale by a smooth factor, so that what is given back has no shape of its own; light that was cut from the only level of a
-//! film comes back surface by surface first (`surfaces.rs`).
+//! scale by a smooth factor: the energy correction adds no visible structure. Light that was cut from the only level of a film
+//! comes back surface by surface first (`surfaces.rs`).
 //!
 //! Candidates are chosen in tiles with as much around them as filters reach (`tiles.rs`), sizes of hits and energy are taken
 //! on cells of whole pictures: a film takes little memory beside its own.
@@ -85,7 +85,7 @@ struct Limits {
 }
 
 impl Limits {
-    /// Limits of a setting for a film of so many levels. Measured in docs/lab/resolve.md, of one level in docs/lab/photons.md.
+    /// Limits of a setting for a film with this number of levels. Measured in docs/lab/resolve.md, of one level in docs/lab/photons.md.
     fn of(settings: Resolve, levels: usize) -> Self {
         let all = Self::of_levels(settings);
         match levels {
@@ -247,7 +247,7 @@ pub fn unseen_share(picture: &Picture) -> f64 {
     if all > 0.0 { 1.0 - plain / all } else { 0.0 }
 }
 
-/// Chooses in tiles of so many pixels a side; there is a sample in two batches or more.
+/// Chooses in tiles with `edge` pixels a side; at least two batches have a sample.
 fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
     // The layer that is blurred with all its fireflies: where there are several levels others know those of the second one.
     let blurred = |pixel, batch| match film.levels() {

@@ -89,7 +89,7 @@ fn noise_free_levels_resolve_to_level_0() {
         let resolved = resolve_film(&levels, settings);
         assert!(resolved.level.iter().all(|&k| k == 0));
         assert_eq!(resolved.picture, levels.mean(0));
-        // Hits are expected, and their absence is told from darkness by exp(−e).
+        // Hits are expected, and exp(−e) distinguishes their absence from darkness.
         assert!(resolved.statement().root < 1e-6);
     }
 }
@@ -784,7 +784,7 @@ fn shared_film(size: usize, of: impl Fn(usize, usize) -> f32) -> LevelFilm {
     shared_samples(size, BATCHES, of)
 }
 
-/// The same of so many samples.
+/// The same with a number of samples.
 fn shared_samples(size: usize, samples: usize, of: impl Fn(usize, usize) -> f32) -> LevelFilm {
     let frame = crate::math::UVec2::splat(size as u32);
     let mut film = LevelFilm::new(frame, Window::full(frame), 2);

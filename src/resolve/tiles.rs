@@ -56,7 +56,7 @@ impl Shared<'_> {
         (AROUND + blur.max(2 * MISSING_RADIUS)) as u32
     }
 
-    /// Chooses in tiles of so many pixels a side; there is a sample in every batch.
+    /// Chooses in tiles with `edge` pixels a side; every batch has a sample.
     pub(super) fn choose(&self, edge: u32) -> Chosen {
         let window = self.film.window();
         let whole = Mutex::new(Chosen::blank((window.w as usize, window.h as usize)));
@@ -134,7 +134,7 @@ struct TileChoice {
     layers: [Vec<Rgb>; 2],
 }
 
-/// A tile and so many pixels on each side, within the window.
+/// A tile and `reach` pixels on each side, within the window.
 fn surroundings(tile: &Window, reach: u32, window: &Window) -> Window {
     let range = |start: u32, length: u32, first: u32, all: u32| {
         let from = start.saturating_sub(reach).max(first);

@@ -56,7 +56,7 @@ pub enum Domain {
 pub struct Seed(pub u64);
 
 impl Seed {
-    /// Seed number `n` < 2⁵⁶ of a use. Seeds derived from one seed are distinct for distinct (`domain`, `n`), but for a
+    /// Seed number `n` < 2⁵⁶ of a use. Seeds derived from one seed are distinct for distinct (`domain`, `n`), except for a
     /// chance of 2⁻⁶⁴ to meet the seed itself; the seed itself belongs to camera paths, number 0.
     pub fn derive(self, domain: Domain, n: u64) -> Self {
         debug_assert!(n >> 56 == 0, "seed number {n} is too large");

@@ -25,7 +25,7 @@ pub struct Camera {
     pub film: Option<FilmSize>,
 }
 
-/// Size of the picture that a file asks for.
+/// Size of the picture that a file names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FilmSize {
     /// Columns and rows.
@@ -227,7 +227,7 @@ impl Camera {
         ]
     }
 
-    /// Columns and rows of a picture of no particular size: 512 rows, as wide as the camera asks for.
+    /// Columns and rows of a picture of no particular size: 512 rows, with the camera's aspect ratio.
     pub fn default_frame(&self) -> UVec2 {
         const ROWS: u32 = 512;
         if let Some(film) = self.film {

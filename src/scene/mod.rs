@@ -188,7 +188,7 @@ impl TriangleId {
         self.0
     }
 
-    /// The triangle so many places after this one in the same mesh.
+    /// The triangle `places` places after this one in the same mesh.
     #[inline(always)]
     pub(crate) fn after(self, places: u32) -> Self {
         Self(self.0 + u64::from(places))

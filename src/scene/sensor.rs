@@ -93,7 +93,7 @@ impl Sensor<'_> {
     }
 
     /// A ray through a point of the frame: the only one, or for a lens one through the point that `u`, uniform in [0, 1)²,
-    /// chooses. A camera without a lens asks for no numbers.
+    /// chooses. A camera without a lens uses no numbers.
     #[inline]
     pub fn sample_ray(&self, point: Vec2, u: impl FnOnce() -> Vec2) -> Ray {
         match self.camera.lens {
@@ -105,7 +105,7 @@ impl Sensor<'_> {
         }
     }
 
-    /// The point of the lens that `u`, uniform in [0, 1)², chooses, from its middle. A camera without a lens asks for no numbers.
+    /// The point of the lens that `u`, uniform in [0, 1)², chooses, from its middle. A camera without a lens uses no numbers.
     #[inline]
     pub fn lens_point(&self, u: impl FnOnce() -> Vec2) -> Vec2 {
         self.camera.lens.map_or(Vec2::ZERO, |lens| lens.point(u()))

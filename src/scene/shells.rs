@@ -156,7 +156,7 @@ fn name(number: usize, mesh: &Mesh) -> String {
 pub(super) struct Verdict {
     /// Meshes that bound no body, by their place among all meshes.
     pub(super) thin: Vec<usize>,
-    /// Materials of meshes that bound bodies but for some turned triangles.
+    /// Materials of meshes that bound bodies except for some turned triangles.
     pub(super) turned: Vec<u32>,
     pub(super) warnings: Vec<String>,
 }
@@ -232,7 +232,7 @@ impl Scene {
         astray as f64 / known.max(1) as f64
     }
 
-    /// True if a walk from behind a body's surface comes to the back of one of its surfaces, false if it comes to a front
+    /// True if a walk from behind a body's surface reaches the back of one of its surfaces, false if it comes to a front
     /// or leaves the scene; `None` for neither.
     fn comes_back(&self, mut ray: Ray, material: u32, mut stream: impl Sampler) -> Option<bool> {
         let mut entered = Vec::new();

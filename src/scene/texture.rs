@@ -44,7 +44,7 @@ pub struct Texture {
     pub wrap: [Wrap; 2],
     /// True if texels have edges: no interpolation between them.
     pub nearest: bool,
-    /// Coarser and coarser images of the colour; empty where no material asks for them.
+    /// Coarser and coarser images of the colour; empty where no material needs them.
     pub mips: Arc<[Level]>,
 }
 

@@ -12,6 +12,17 @@ const THEORY: [&str; 2] = ["method.md", "numerics.md"];
 /// A doc comment begins with a noun or a verb, not with a relative clause.
 const OPENINGS: [&str; 5] = ["What", "Whether", "How", "Of", "Those"];
 
+/// Phrases for which the field has a plain word, in comments and on pages for users: a number of, except, slow, after.
+const DIALECT: [&str; 7] = [
+    "so many",
+    "as far as",
+    "but for",
+    "dear",
+    "dearer",
+    "hears",
+    "what all else",
+];
+
 /// Words of a sentence.
 const LONGEST: usize = 30;
 
@@ -44,6 +55,25 @@ fn bad_openings(text: &str) -> Vec<String> {
                 .any(|&word| line.split(' ').next() == Some(word))
         })
         .collect()
+}
+
+/// Phrases of [`DIALECT`] in a text, as whole words.
+fn dialect(text: &str) -> Vec<&'static str> {
+    let words: Vec<&str> = text
+        .split(|c: char| !c.is_alphanumeric() && c != '_')
+        .filter(|word| !word.is_empty())
+        .collect();
+    let spoken = |phrase: &&str| {
+        let phrase: Vec<&str> = phrase.split(' ').collect();
+        words.windows(phrase.len()).any(|w| w == phrase)
+    };
+    DIALECT.iter().copied().filter(spoken).collect()
+}
+
+/// Text of the comments of a source, line by line.
+fn comments(text: &str) -> String {
+    let after = |line: &str| line.trim_start().strip_prefix("//").map(str::to_owned);
+    text.lines().filter_map(after).collect::<Vec<_>>().join(" ")
 }
 
 /// Sentences of the prose of a Markdown text, without code blocks, tables and headings.
@@ -81,7 +111,7 @@ fn too_long(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn doc_comments_open_with_nouns_and_verbs() {
+fn comments_are_plain_and_open_with_nouns_and_verbs() {
     let mut sources = Vec::new();
     for folder in SOURCES {
         files(&root().join(folder), "rs", &mut sources);
@@ -92,12 +122,14 @@ fn doc_comments_open_with_nouns_and_verbs() {
         let text = std::fs::read_to_string(&path).expect("a source");
         let found = bad_openings(&text).into_iter();
         faults.extend(found.map(|line| format!("{}: {line}", path.display())));
+        let found = dialect(&comments(&text)).into_iter();
+        faults.extend(found.map(|phrase| format!("{}: \"{phrase}\"", path.display())));
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
 #[test]
-fn sentences_for_users_are_short() {
+fn sentences_for_users_are_plain_and_short() {
     let mut pages = vec![root().join("README.md")];
     for entry in std::fs::read_dir(root().join("docs")).expect("docs") {
         let path = entry.expect("an entry").path();
@@ -112,6 +144,8 @@ fn sentences_for_users_are_short() {
         let text = std::fs::read_to_string(&path).expect("a page");
         let found = too_long(&text).into_iter();
         faults.extend(found.map(|sentence| format!("{}: {sentence}", path.display())));
+        let found = dialect(&sentences(&text).join(" ")).into_iter();
+        faults.extend(found.map(|phrase| format!("{}: \"{phrase}\"", path.display())));
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
@@ -128,6 +162,10 @@ fn planted_words_are_found() {
     assert_eq!(
         bad_openings("    /// What a film is.\nfn f() {}\n//! Whatever.\n"),
         ["What a film is."]
+    );
+    assert_eq!(
+        dialect(&comments("let dear = 1;\n// Of so\n// many, so dearly.\n")),
+        ["so many"]
     );
     let long = "word ".repeat(LONGEST) + "end.";
     let text = format!(

@@ -31,7 +31,7 @@ pub(super) enum Bar {
     Quiet,
 }
 
-/// A bar of so many steps.
+/// A bar with this number of steps.
 pub(super) fn terminal(steps: u64, template: &str) -> ProgressBar {
     let bar = ProgressBar::new(steps);
     if let Ok(style) = ProgressStyle::with_template(template) {

@@ -12,7 +12,7 @@ use opsr::scene::{Scene, SceneParts};
 use serde_json::{Value, json};
 use std::time::Instant;
 
-/// Samples per pixel of the render that is told.
+/// Samples per pixel of the render that is estimated.
 const SAMPLES: u32 = 64;
 
 /// Most pixels of a pass of the short render, and its least length in seconds.

@@ -244,7 +244,7 @@ fn reachable(scene: &Scene) -> usize {
 /// Head of a feature that is left out.
 const NOT_USED: &str = "not used: ";
 
-/// Features that a render of this scene leaves out, because nothing in the scene asks for them.
+/// Features that a render of this scene leaves out, because nothing in the scene needs them.
 pub(super) fn unused(scene: &Scene, rule: &Rule) -> Vec<String> {
     let parts = scene.parts();
     let off = [

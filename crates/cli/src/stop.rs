@@ -1,4 +1,4 @@
-//! Signals that end a command. The first Ctrl-C, SIGTERM or SIGHUP asks for an end, which integrators find between tiles or
+//! Signals that end a command. The first Ctrl-C, SIGTERM or SIGHUP requests an end, which integrators find between tiles or
 //! chains; the second ends at once. SIGUSR1 and SIGXCPU, by which batch systems announce a limit of time, ask for an end
 //! as often as they come. While a scene is loaded there is nothing to save, and each of them ends at once.
 

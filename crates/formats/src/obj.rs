@@ -102,7 +102,7 @@ pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Obj> {
     Ok(obj)
 }
 
-/// Up to three numbers, at least so many.
+/// Up to three numbers, at least `least`.
 fn vector(
     words: &mut SplitWhitespace<'_>,
     least: usize,

@@ -54,7 +54,7 @@ struct Plane {
 }
 
 impl Plane {
-    /// Mean over the pixels around each, up to `radius` columns and rows away, as far as they are in the picture.
+    /// Mean over the pixels around each, up to `radius` columns and rows away, within the picture.
     fn box_filtered(&self, radius: usize) -> Self {
         let (w, h) = (self.width, self.values.len() / self.width);
         let mut across = vec![0.0; w * h];

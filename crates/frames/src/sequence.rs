@@ -16,7 +16,7 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// No frames yet; `motion` asks for that of their surfaces too.
+    /// No frames yet; `motion` adds that of their surfaces.
     pub fn new(motion: bool) -> Self {
         Self {
             motion,

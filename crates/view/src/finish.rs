@@ -170,7 +170,7 @@ impl Against {
     }
 }
 
-/// Light that a render has missed, as far as measured; it is measured at every doubling of the samples, and at the end.
+/// Light that a render has missed; it is measured at every doubling of the samples, and at the end.
 #[derive(Default)]
 struct Witness {
     run: u64,

@@ -275,7 +275,7 @@ impl Renderer<'_> {
             self.offer(&mut runs[side], side, viewpoint, run, false);
         }
         over.store(true, Ordering::Relaxed);
-        // Large films are given back beside the next picture, not before it.
+        // Large films are freed beside the next picture, not before it.
         let films: Vec<Picture> = runs.into_iter().map(|run| run.picture).collect();
         std::thread::spawn(move || drop(films));
         Ok(())

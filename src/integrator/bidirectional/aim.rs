@@ -62,7 +62,7 @@ const WORTH: f64 = 0.7;
 /// Share below which a target is left out.
 const LEAST_SHARE: f64 = 0.005;
 
-/// Squared weight of light that other strategies find well: that which comes to its vertex by rough surfaces alone.
+/// Squared weight of light that other strategies find well: light that reaches its vertex by rough surfaces alone.
 const EASY: f64 = 0.05;
 
 /// The aim of the last view, kept from pass to pass.
@@ -450,7 +450,7 @@ struct Node {
     halves: Option<Box<[Node; 2]>>,
 }
 
-/// At most so many spheres around all items, whose cross sections are small together.
+/// At most `most` spheres around all items, with a small sum of cross sections.
 fn clustered(mut items: Vec<Vec<Vec3>>, most: usize, reach: f32) -> Vec<Target> {
     if items.is_empty() {
         return Vec::new();

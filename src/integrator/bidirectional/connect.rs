@@ -1,5 +1,5 @@
 //! The ways to close a path by an edge. Each computes the value, then the weight, then the shadow ray: most closings carry
-//! nothing, and the ray is the dearest part.
+//! nothing, and the ray costs most.
 
 use super::iteration::Iteration;
 use super::split::Trail;
@@ -31,7 +31,7 @@ impl Vertex {
 }
 
 impl Iteration<'_> {
-    /// Vertices that a path of so many has left: the most panes on its closing edge.
+    /// Vertices that a path of this length has left: the most panes on its closing edge.
     #[inline]
     pub(super) fn left(&self, vertices: u32) -> u32 {
         self.settings.max_vertices.saturating_sub(vertices)

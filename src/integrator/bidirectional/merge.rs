@@ -227,8 +227,8 @@ impl Iteration<'_> {
             * (weight / light.density.value())
     }
 
-    /// A sum over photons of so many light paths within the radius as a contribution. Opacity lets both walks find a vertex by chance, which a
-    /// path counts once.
+    /// Converts a sum over photons within the radius to a contribution, from the number of light paths. Opacity lets both walks find
+    /// a vertex by chance, which a path counts once.
     fn density(
         &self,
         vertex: &Vertex,

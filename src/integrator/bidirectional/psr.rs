@@ -16,7 +16,7 @@ use crate::math::{Rgb, Vec2, Vec3};
 use crate::sampler::LightU;
 use crate::scene::{EmissionSample, Surface};
 
-/// Edges of a walk, as far as they decide where it is regularised.
+/// Properties of a walk's edges that decide where it is regularised.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Chain {
     /// True if some edge joins two smooth vertices.

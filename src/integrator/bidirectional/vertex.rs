@@ -223,7 +223,7 @@ impl Vertex {
         (self.interaction()).unblocked_to_camera(scene, &self.around, ray, distance, panes)
     }
 
-    /// Transmittance from here along a ray over a distance, by way of at most so many panes; `None` if something else stands
+    /// Transmittance from here along a ray over a distance, through at most `panes` panes; `None` if something else stands
     /// between.
     #[inline]
     pub(super) fn unblocked(

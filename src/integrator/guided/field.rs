@@ -22,7 +22,7 @@ const SHARES: [f32; 5] = [0.5, 0.65, 0.8, 0.9, 1.0];
 /// Least gain of the mean of log p over the BSDF alone for which directions are drawn from a tree.
 const MIN_GAIN: f64 = 0.05;
 
-/// Radiance that arrived at a vertex from a direction, as far as the path knows.
+/// Radiance that arrived at a vertex from a direction, by the estimate of one path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Record {
     /// Leaf of the vertex, or one beside it.

@@ -59,7 +59,7 @@ struct State {
     field: Field,
 }
 
-/// Bytes that a guide may take beside the film of a picture with so many pixels.
+/// Bytes that a guide may take beside the film of a picture with this number of pixels.
 pub fn bytes(pixels: usize) -> u64 {
     let batch = pixels.min(BATCH * (TILE * TILE) as usize) as u64;
     Field::MAX_BYTES + batch * RECORD_BYTES
@@ -112,7 +112,9 @@ impl Integrator for Guided {
         let added = match (aovs, &self.tracer.rule) {
             (Some(aovs), _) if self.unbiased => state.pass(&plain, &paths, samples, film, aovs),
             (Some(aovs), _) => state.pass(&self.tracer, &paths, samples, film, aovs),
-            (None, rule) if self.unbiased || *rule == Rule::Plain || !view.scene.features().lobes => {
+            (None, rule)
+                if self.unbiased || *rule == Rule::Plain || !view.scene.features().lobes =>
+            {
                 state.pass(&plain, &paths, samples, film, &mut ())
             }
             (None, Rule::Accumulated(rule)) => {

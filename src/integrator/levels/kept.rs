@@ -2,7 +2,7 @@
 //!
 //! A pass that is stopped leaves nothing behind, so that films stay as they are until the pass is whole. Copies of their sums would take
 //! four batches of every level. The values of a sample are fewer, and most of them repeat others: levels that leave a path
-//! alone have the same light, and the first rough surface is the first one. A value that is as foretold is not kept.
+//! alone have the same light, and the first rough surface is the first one. Values equal to their prediction are not stored.
 
 use super::PathSums;
 use crate::image::film::FilmBand;
@@ -74,7 +74,7 @@ impl Path {
     }
 }
 
-/// Most words that a path of so many levels takes: all values, and one word that says which of them are there.
+/// Most words that a path takes: all values, and one word that says which of them are there.
 pub(super) const fn most_words(levels: usize) -> usize {
     1 + 3 * (levels + 2) + FEATURES
 }

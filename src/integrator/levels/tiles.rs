@@ -21,7 +21,7 @@ const TILE: u32 = 16;
 /// passes of small pictures stay long, and threads busy.
 const KEPT: usize = 1 << 24;
 
-/// Bytes that a pixel of so many levels takes until a pass is added to its film, at most.
+/// Largest number of bytes that a pixel takes until a pass is added to its film.
 pub(in crate::integrator) const fn pass_bytes(levels: usize) -> u64 {
     (size_of::<u32>() * most_words(levels)) as u64
 }
@@ -134,7 +134,7 @@ fn add<const N: usize, T: LevelPaths<N>, O: Recorder>(
     Some(())
 }
 
-/// Takes so many words from the front.
+/// Takes `count` words from the front.
 fn cut<'a>(words: &mut &'a mut [u32], count: usize) -> &'a mut [u32] {
     let (own, rest) = std::mem::take(words).split_at_mut(count);
     *words = rest;

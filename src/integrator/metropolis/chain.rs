@@ -173,7 +173,7 @@ pub(super) struct Sources {
     pub(super) steps: [IndependentStream; 3],
 }
 
-/// Runs a chain of so many mutations, each of which counts `scale`, and returns its values in order.
+/// Runs a chain of `mutations` mutations, each of which counts `scale`, and returns its values in order.
 ///
 /// With the first state as in [`Sources`], E over bootstrap and chain of a sum of values is exactly their integral: a
 /// proposal is drawn with density I/b by the chain and, with probability p, uniformly by a large step. Both are weighed by

@@ -4,7 +4,7 @@
 //! connections. Chains seek out what carries light: after a way through a keyhole is found, its neighbours are tried.
 //!
 //! One sample of the picture is a *pass*, an independent estimate: a bootstrap of fresh pairs, which count like large steps
-//! and from which all chains of the pass start in proportion to their light, and so many mutations per pixel. No chain outlives its pass. So the expectation
+//! and from which all chains of the pass start in proportion to their light, and a number of mutations per pixel. No chain outlives its pass. So the expectation
 //! of a pass is exact, whatever the chains' length (`chain`); resuming, splitting and threads change no bit; variance
 //! layers are honest; and a chain that is stuck ends with the pass.
 //!
@@ -166,7 +166,7 @@ impl Target for PairTarget<'_> {
 }
 
 impl Metropolis {
-    /// Metropolis light transport with so many mutations per pixel of a pass.
+    /// Metropolis light transport with this number of mutations per pixel of a pass.
     pub fn new(base: Bidirectional, mutations: u32) -> Self {
         Self {
             base,
@@ -361,7 +361,7 @@ impl Pass<'_> {
     }
 }
 
-/// Bootstrap samples from which so many chains start: in proportion to their weights, by systematic sampling with `u` in
+/// Bootstrap samples from which the chains start: in proportion to their weights, by systematic sampling with `u` in
 /// [0, 1). Without any light one will do.
 fn starts(weights: &[f64], total: f64, chains: u32, u: f32) -> Vec<u32> {
     let mut starts = Vec::with_capacity(chains as usize);

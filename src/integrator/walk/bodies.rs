@@ -392,7 +392,7 @@ impl EnclosingBodies {
         segment
     }
 
-    /// Transmittance along a ray over a distance, by way of at most so many panes; `None` if something else stands between
+    /// Transmittance along a ray over a distance, through at most `panes` panes; `None` if something else stands between
     /// its origin and its `t_max`.
     #[inline]
     pub(in crate::integrator) fn unblocked(

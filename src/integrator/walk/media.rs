@@ -12,7 +12,7 @@
 //! Each weight is at most 1/pᵢ in channel i, whatever the media, so that the throughput of no channel grows beyond the sum of all.
 //!
 //! Media are no part of MIS weights, neither of light samples nor of connections: every way to find a path has the factor σs
-//! of each of its points and, but for one edge, the transmittance of each of its edges. The weights without them add up to 1
+//! of each of its points and the transmittance of each of its edges except one. The weights without them add up to 1
 //! just the same.
 
 use super::{Arrival, Carried, Walk};

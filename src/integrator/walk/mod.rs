@@ -113,7 +113,7 @@ impl Interaction<'_> {
         around.towards(scene, self.surface, self.bsdf, self.wo.z > 0.0, dir)
     }
 
-    /// Transmittance from here along a ray over a distance, by way of at most so many panes; `None` if something else stands
+    /// Transmittance from here along a ray over a distance, through at most `panes` panes; `None` if something else stands
     /// between. `around` is what was around the previous edge.
     #[inline]
     pub(super) fn unblocked(
@@ -310,7 +310,7 @@ impl<'a> Walk<'a> {
     }
 
     /// A vertex as steps of an estimator need it, with the roughness `alpha_reg` at next-event estimation, from which light
-    /// samples pass at most so many panes.
+    /// samples pass at most `panes` panes.
     #[inline(always)]
     pub(super) fn shading_point<'v>(
         &'v self,

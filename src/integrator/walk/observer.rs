@@ -71,7 +71,7 @@ pub trait PathObserver {
     /// The path continues from a vertex whose sampled lobe has this own roughness.
     #[inline]
     fn scattered(&mut self, _alpha: f32) {}
-    /// Light of so many scatterings is added to the path's radiance; the path tracer alone tells.
+    /// Called when light of this number of scatterings is added to the path's radiance; only the path tracer calls it.
     #[inline]
     fn light(&mut self, _scatterings: u32, _value: Rgb) {}
     /// Light that the path has met before its first draw from a smooth lobe; the path tracer and bidirectional camera walks tell.

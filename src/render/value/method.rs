@@ -228,7 +228,7 @@ impl Field for ResolveChoice {
 pub struct Layers(pub Vec<Aov>);
 
 impl Layers {
-    /// Layers of a render that asks for layers without naming them.
+    /// Layers of a render with layers that names none.
     pub const USUAL: &'static str = "albedo,normal,depth";
 }
 

@@ -80,7 +80,7 @@ impl Accel {
         Self::over(triangles.len(), |i| triangles[i as usize], &[])
     }
 
-    /// The same, over so many triangles that a function gives: a list of them would add to the memory that building takes. And
+    /// The same, over `count` triangles that a function gives: a list of them would add to the memory that building takes. And
     /// over instances, of which these are lower and upper corners of boxes within 1e17.
     pub(crate) fn over(
         count: usize,

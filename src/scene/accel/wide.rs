@@ -154,7 +154,7 @@ impl Boundable for Bounded {
 }
 
 impl Wide {
-    /// Builds over so many triangles, and over instances with these lower and upper corners of boxes. Triangles with a
+    /// Builds over `count` triangles, and over instances with these lower and upper corners of boxes. Triangles with a
     /// coordinate that is not usable keep their index and are never hit.
     pub(super) fn new(
         count: usize,
@@ -263,7 +263,7 @@ impl Wide {
         }
     }
 
-    /// Builds over boxes, of which so many are of triangles and the rest of instances; `fill` appends the blocks of a leaf's
+    /// Builds over boxes, the first `triangles` of triangles and the rest of instances; `fill` appends the blocks of a leaf's
     /// primitives.
     fn build(
         boxes: Vec<Bounded>,
@@ -449,7 +449,7 @@ impl<'a> Fold<'a> {
     }
 
     fn run(&self, mut fill: impl FnMut(&mut Vec<u32>, &mut Vec<Block>)) -> Wide {
-        // Twice the blocks that full ones would be, and a node for every eight: enough but for odd scenes. Memory that is not
+        // Twice the blocks that full ones would be, and a node for every eight: enough for nearly all scenes. Memory that is not
         // written is not taken, and lists that grow would copy.
         let instances = self.binary.primitive_indices.len() - self.triangles as usize;
         let most = 2 * (self.triangles as usize).div_ceil(LANES) + 2 * instances;

@@ -129,7 +129,7 @@ impl Lights {
         beam.map_or(uniform, |beam| beam.pdf_across(ray, uniform))
     }
 
-    /// Density with which an emission sample starts at the point of a light sample and comes to the point `from` that it
+    /// Density with which an emission sample starts at the point of a light sample and reaches the point `from` that it
     /// was drawn for, over the density with which light sampling draws that point: per steradian, or for a light at
     /// infinity per area across.
     #[inline]

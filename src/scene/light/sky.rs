@@ -311,7 +311,7 @@ fn add_sun(sky: &mut Buffer, sun: DVec3, irradiance: DVec3) {
     }
 }
 
-/// Solid angle of a texel of row `y` of a map of so many rows.
+/// Solid angle of a texel of row `y` of a map with `rows` rows.
 fn texel(y: usize, rows: usize) -> f64 {
     let step = PI / rows as f64;
     2.0 * step * ((y as f64 + 0.5) * step).sin() * (0.5 * step).sin()

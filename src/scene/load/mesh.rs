@@ -18,7 +18,7 @@ use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use std::collections::{HashMap, HashSet};
 
-/// A material as far as meshes depend on it.
+/// Parts of a material on which meshes depend.
 #[derive(Clone, Copy)]
 pub(super) struct Slot {
     /// Index into `SceneParts::materials`.
@@ -155,7 +155,7 @@ pub(super) fn meshes(
     Ok((meshes, shares))
 }
 
-/// The primitives that instances share. All that are shown more than once are, but for the smallest, if copies of them would
+/// The primitives that instances share. All that are shown more than once are, except the smallest, if copies of them would
 /// take much memory; else none.
 fn shared(data: &Data<'_>, instances: &[Instance<'_>]) -> HashSet<(usize, usize)> {
     let mut uses: HashMap<_, u64> = HashMap::new();
@@ -210,7 +210,7 @@ fn check(
     Ok(memory::check(what, bytes)?)
 }
 
-/// Bytes that a primitive of so many vertices and triangles takes at most, in the mesh and in the scene.
+/// Bytes that a primitive with these numbers of vertices and triangles takes at most, in the mesh and in the scene.
 fn bytes_of(primitive: &Primitive, vertices: u64, triangles: u64, emits: bool) -> u64 {
     let has = |semantic| u64::from(accessor(primitive, semantic).is_some());
     let uvs = has(Semantic::TexCoords(0)) + has(Semantic::TexCoords(1));

@@ -221,7 +221,7 @@ struct Film {
     asked: String,
 }
 
-/// The options of scene and light but for the moment, in words that two specs share only if they ask for the same.
+/// The options of scene and light without the moment, as words: equal for two specs only if their scenes are equal.
 fn asked(spec: &Spec) -> String {
     let spec = Spec {
         at: None,
@@ -231,7 +231,7 @@ fn asked(spec: &Spec) -> String {
 }
 
 impl Film {
-    /// A film without frames yet; `motion` asks for that layer.
+    /// A film without frames yet; `motion` adds that layer.
     fn new(motion: bool) -> Self {
         Self {
             sequence: Sequence::new(motion),

@@ -18,7 +18,7 @@ pub(super) struct Movie {
 }
 
 impl Movie {
-    /// A movie of so many frames.
+    /// A movie with this number of frames.
     pub(super) fn new(path: &Path, frames: usize) -> Self {
         Self {
             path: path.to_owned(),

@@ -387,7 +387,7 @@ impl Progress {
         }
     }
 
-    /// A frame begins, after so many.
+    /// A frame begins, after this number of finished ones.
     fn begin(&self, done: usize) {
         self.done.set(done);
     }

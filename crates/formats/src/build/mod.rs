@@ -101,7 +101,7 @@ impl Builder {
             + all(mesh.indices.len(), if emits { EMITTER_BYTES } else { 0 })
     }
 
-    /// The parts of the scene. Meshes that are shown more than once are shared, but for the smallest, if copies of them would
+    /// The parts of the scene. Meshes that are shown more than once are shared, except the smallest, if copies of them would
     /// take much memory.
     pub fn finish(mut self) -> Result<SceneParts, BuildError> {
         let mut uses: HashMap<(u32, u32), u64> = HashMap::new();

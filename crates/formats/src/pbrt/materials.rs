@@ -15,7 +15,7 @@ use std::rc::Rc;
 /// Roughness below which pbrt's microfacets are a mirror.
 const SMOOTH: f32 = 1e-3;
 
-/// Roughness of pbrt's own scale, if `remaproughness` asks for it: √r in version 4.
+/// Roughness of pbrt's own scale, if `remaproughness` is true: √r in version 4.
 fn remapped(roughness: f32, remap: bool) -> f32 {
     match remap {
         true => roughness.max(0.0).sqrt(),

@@ -10,7 +10,7 @@ use opsr::math::{Rgb, luminance};
 use opsr::scene::Material;
 use opsr::scene::load::error::Result;
 
-/// Roughness of version 3's scale, if `remaproughness` asks for it: its polynomial in the logarithm `[PBRT3 §8.4.2]`.
+/// Roughness of version 3's scale, if `remaproughness` is true: its polynomial in the logarithm `[PBRT3 §8.4.2]`.
 fn remapped(roughness: f32, remap: bool) -> f32 {
     if !remap {
         return roughness;

@@ -308,7 +308,7 @@ fn coordinates(parameters: &Parameters) -> Result<Vec<Vec2>> {
     Ok(all.map(|n| Vec2::new(n[0] as f32, n[1] as f32)).collect())
 }
 
-/// Indices in groups of `N`, each below `count`; without any, one group if there are just so many points.
+/// Indices in groups of `N`, each below `count`; without any, one group if there are just `N` points.
 fn indices<const N: usize>(parameters: &Parameters, count: usize) -> Result<Vec<[u32; N]>> {
     let place = &parameters.place;
     let Some(numbers) = parameters.numbers("indices")? else {

@@ -5,7 +5,7 @@
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use statrs::function::beta::checked_beta_reg;
 
-/// Degrees of freedom that are told apart. Beyond the larger the distribution is the normal one to five digits.
+/// Degrees of freedom that are distinguished. Beyond the larger the distribution is the normal one to five digits.
 const LEAST: f64 = 0.5;
 const MOST: f64 = 1e5;
 

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// Place of the recordings of a session, and the wishes of whoever waits for them.
+/// Place of the recordings of a session, and requests to end or report them.
 pub struct RecordingControl<'a> {
     /// Folder of recordings. What it has is read, other recordings are traced and kept there; `None` for memory alone.
     pub folder: Option<PathBuf>,

@@ -71,8 +71,8 @@ impl Session {
 
     /// Learns a table for one β.
     ///
-    /// The state is kept in `last.ckpt` of `folder`, from which `resume` continues bit-identically. The listener hears
-    /// of every step and can stop the training.
+    /// The state is kept in `last.ckpt` of `folder`, from which `resume` continues bit-identically. The listener is called
+    /// after every step and can stop the training.
     pub fn learn(
         &mut self,
         beta: f32,

@@ -66,7 +66,7 @@ pub(in crate::integrator) struct Manifold {
 }
 
 impl Manifold {
-    /// The strategy in a scene, with so many trials; 0 for the unbiased estimator.
+    /// The strategy in a scene, with a number of trials; 0 for the unbiased estimator.
     pub(in crate::integrator) fn of(scene: &Scene, trials: u32) -> Self {
         Self {
             casters: Casters::of(scene),

@@ -104,7 +104,7 @@ struct Bench<'a> {
     path: &'a Path,
     folder: PathBuf,
     results: Results,
-    /// The denoiser, if a method asks for it.
+    /// The denoiser, if a method needs it.
     denoiser: Option<Denoiser>,
     done: usize,
     listener: Listener<'a>,
