@@ -153,7 +153,7 @@ impl Clearcoated {
     }
 
     /// The base without its coat.
-    pub fn base(&self) -> Bsdf {
+    pub(crate) fn base(&self) -> Bsdf {
         match self.base {
             Base::Diffuse(l) => Bsdf::Diffuse(l),
             Base::Glossy(l) => Bsdf::Glossy(l),
@@ -167,7 +167,7 @@ impl Clearcoated {
     }
 
     /// The interface of a solid body under the coat.
-    pub fn dielectric_mut(&mut self) -> Option<&mut Dielectric> {
+    pub(crate) fn dielectric_mut(&mut self) -> Option<&mut Dielectric> {
         match &mut self.base {
             Base::Dielectric(l) => Some(l),
             Base::Iridescent(l) => l.dielectric_mut(),
@@ -176,7 +176,7 @@ impl Clearcoated {
     }
 
     /// Share of the base's value that passes the coat, over the chance that the base was drawn.
-    pub fn through(&self, wo: Vec3, wi: Vec3) -> f32 {
+    pub(crate) fn through(&self, wo: Vec3, wi: Vec3) -> f32 {
         let cos = wo.z.abs().min(wi.z.abs());
         let reflected = schlick(Rgb::splat(F0), 1.0, cos).x;
         let through = (1.0 - self.coat * reflected) / (1.0 - CHANCE * self.coat);

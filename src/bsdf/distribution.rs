@@ -85,7 +85,7 @@ impl Distribution {
     /// `[Walter07 (25), (33)]`. Finite and at least 0 for every tangent, 0 at the horizon. Of a phase function its value at
     /// twice the angle.
     #[inline]
-    pub fn d<T: Real>(self, alpha: T, tan2_h: f32) -> T {
+    pub(crate) fn d<T: Real>(self, alpha: T, tan2_h: f32) -> T {
         let t = T::constant(tan2_h);
         let a2 = alpha * alpha;
         let x = t / a2;
@@ -116,7 +116,7 @@ impl Distribution {
     /// Smith's masking function Λ ≥ 0 of a direction, for α > 0 and `tan2` = tan² θ
     /// `[Heitz14 (A.9), (72)]`; G1 = 1/(1 + Λ).
     #[inline]
-    pub fn lambda<T: LobeReal>(self, alpha: T, tan2: f32) -> T {
+    pub(crate) fn lambda<T: LobeReal>(self, alpha: T, tan2: f32) -> T {
         if tan2 == 0.0 {
             return T::constant(0.0);
         }

@@ -55,7 +55,7 @@ pub struct Exact {
 impl Exact {
     /// Reflectance of the base; black for a metal.
     #[inline]
-    pub fn albedo(&self) -> Rgb {
+    pub(crate) fn albedo(&self) -> Rgb {
         match self.interface {
             Interface::Metal { .. } => Rgb::ZERO,
             Interface::Coat { albedo, .. } => albedo,
@@ -77,7 +77,7 @@ impl Exact {
 
     /// Reflectance of a facet at this cosine, without the tint.
     #[inline]
-    pub fn fresnel(&self, cos: f32) -> Rgb {
+    pub(crate) fn fresnel(&self, cos: f32) -> Rgb {
         match self.interface {
             Interface::Metal { eta, k } => {
                 let of = |c: usize| conductor(cos, eta[c], k[c]);

@@ -126,7 +126,7 @@ impl Film {
 
     /// Reflectance in [0, 1] of the surface with its film, for a base that reflects `plain` there and `f0` at normal
     /// incidence; `cos` between a direction and the half vector.
-    pub fn reflectance(&self, f0: Rgb, plain: Rgb, cos: f32) -> Rgb {
+    pub(crate) fn reflectance(&self, f0: Rgb, plain: Rgb, cos: f32) -> Rgb {
         let cos = f64::from(cos.clamp(0.0, 1.0));
         let of = |c: usize| self.rgb(f0[c].into(), cos)[c];
         let film = match f0.x == f0.y && f0.y == f0.z {
@@ -168,7 +168,7 @@ pub fn iridescent(base: super::Bsdf, film: Film) -> super::Bsdf {
 
 impl Iridescent {
     /// The surface without its film.
-    pub fn base(&self) -> super::Bsdf {
+    pub(crate) fn base(&self) -> super::Bsdf {
         use super::Bsdf;
         match self.under {
             Under::Glossy(l) => Bsdf::Glossy(l),

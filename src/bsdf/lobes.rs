@@ -376,7 +376,7 @@ impl Dielectric {
 impl ThinDielectric {
     /// Share of light that a smooth wall lets straight through at this cosine.
     #[inline]
-    pub fn straight(&self, cos: f32) -> Rgb {
+    pub(crate) fn straight(&self, cos: f32) -> Rgb {
         (Rgb::ONE - self.fresnel(cos.abs().min(1.0))) * self.tint
     }
 

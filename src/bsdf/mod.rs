@@ -19,14 +19,14 @@ use crate::math::{Rgb, Vec3};
 
 pub mod anisotropic;
 pub mod clearcoated;
-pub mod distribution;
-pub mod exact;
-pub mod film;
+pub(crate) mod distribution;
+pub(crate) mod exact;
+pub(crate) mod film;
 pub mod fresnel;
-pub mod lobes;
+pub(crate) mod lobes;
 mod numbers;
 pub mod phase;
-pub mod sheen;
+pub(crate) mod sheen;
 mod slope;
 
 pub use anisotropic::{Anisotropic, anisotropic};
@@ -38,7 +38,6 @@ pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric, is_matched};
 pub use numbers::{LobeNumbers, SharedNumbers};
 pub use phase::Phase;
 pub use sheen::Sheen;
-pub use slope::Quantiles;
 
 /// Roughness below which a lobe is a Dirac delta: single precision cannot evaluate a sharper one at grazing angles.
 pub const DELTA_ALPHA: f32 = 1e-3;
@@ -170,7 +169,7 @@ impl LobeQuery {
 
     /// The query of the glossy lobe alone, with its selection probability.
     #[inline]
-    pub fn gloss(&self) -> Self {
+    pub(crate) fn gloss(&self) -> Self {
         Self {
             base: Rgb::ZERO,
             base_pdf: 0.0,
@@ -181,7 +180,7 @@ impl LobeQuery {
     /// Density per steradian at roughness `alpha` in [0, 1]; that of the diffuse lobe alone below [`DELTA_ALPHA`].
     /// The same bits as the density of [`LobeQuery::at`], without the work for the value.
     #[inline]
-    pub fn pdf(&self, alpha: f32) -> f32 {
+    pub(crate) fn pdf(&self, alpha: f32) -> f32 {
         if alpha < DELTA_ALPHA || self.is_diffuse() {
             return self.base_pdf;
         }
@@ -404,6 +403,45 @@ impl Bsdf {
             Self::Iridescent(l) => Self::Iridescent(l.without_diffuse()),
             Self::Exact(l) => Self::Exact(l.without_diffuse()),
             other => other,
+        }
+    }
+
+    /// Its name in lists of a path's vertices.
+    pub(crate) fn name(&self) -> &'static str {
+        match self {
+            Self::Diffuse(_) => "diffuse",
+            Self::Glossy(_) => "glossy",
+            Self::Dielectric(_) => "dielectric",
+            Self::Thin(_) => "thin wall",
+            Self::Clearcoated(_) => "under a clear coat",
+            Self::Anisotropic(_) => "anisotropic",
+            Self::Iridescent(_) => "iridescent",
+            Self::Sheen(_) => "sheen",
+            Self::Exact(_) => "glossy, exact",
+            Self::Phase(_) => "medium",
+        }
+    }
+
+    /// True for an opaque surface, whose light never leaves on the other side.
+    #[inline]
+    pub(crate) fn is_opaque(&self) -> bool {
+        matches!(
+            self,
+            Self::Diffuse(_) | Self::Glossy(_) | Self::Anisotropic(_) | Self::Exact(_)
+        )
+    }
+
+    /// Albedo of the diffuse lobe under a gloss; black where there is none.
+    pub(crate) fn base_albedo(&self) -> Rgb {
+        match self {
+            Self::Glossy(lobe) => lobe.albedo,
+            Self::Anisotropic(lobe) => lobe.isotropic().albedo,
+            Self::Exact(lobe) => lobe.albedo(),
+            Self::Iridescent(lobe) => match lobe.base() {
+                Self::Glossy(lobe) => lobe.albedo,
+                _ => Rgb::ZERO,
+            },
+            _ => Rgb::ZERO,
         }
     }
 

@@ -26,7 +26,7 @@ pub struct Phase {
 impl Phase {
     /// Roughness of the lobe, 1 − |g|; rounding makes it no Dirac delta.
     #[inline]
-    pub fn alpha(&self) -> f32 {
+    pub(crate) fn alpha(&self) -> f32 {
         (1.0 - self.mean_cosine.abs()).max(DELTA_ALPHA)
     }
 

@@ -63,7 +63,7 @@ fn reflected(alpha: f32, wo: Vec3, wi: Vec3) -> f32 {
 
 impl Sheen {
     /// No fibres.
-    pub const NONE: Self = Self {
+    pub(crate) const NONE: Self = Self {
         color: Rgb::ZERO,
         alpha: 0.0,
     };
@@ -129,7 +129,7 @@ fn integrated(alpha: f32, cos: f32, [heights, turns]: [u32; 2]) -> f32 {
 }
 
 /// Reflectance in [0, 1] of white fibres of this roughness at a cosine of incidence.
-pub fn sheen_albedo(alpha: f32, cos: f32) -> f32 {
+pub(crate) fn sheen_albedo(alpha: f32, cos: f32) -> f32 {
     let table = &*ALBEDO;
     let place = |x: f32| {
         let x = x.clamp(0.0, 1.0) * (STEPS - 1) as f32;

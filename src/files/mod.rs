@@ -14,7 +14,7 @@ mod write;
 pub use error::{FileError, Problem};
 pub use lock::Claim;
 pub use read::briefly;
-pub(crate) use read::stream;
+pub use read::stream;
 pub use read::{read, read_text};
 pub use sealed::{Payload, Sealed};
 #[cfg(feature = "toml")]

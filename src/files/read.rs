@@ -23,7 +23,7 @@ pub fn read_text(path: &Path, most: u64) -> Result<String, FileError> {
 }
 
 /// Hands over the bytes of a file of at most `most`, piece by piece.
-pub(crate) fn stream(path: &Path, most: u64, take: impl FnMut(&[u8])) -> Result<(), FileError> {
+pub fn stream(path: &Path, most: u64, take: impl FnMut(&[u8])) -> Result<(), FileError> {
     pieces(path, most, take).map_err(|problem| problem.at(path))
 }
 

@@ -19,7 +19,7 @@ pub enum Target {
 
 impl Target {
     /// The destination that a path names; a link that leads nowhere names the file to be made there.
-    pub fn of(path: &Path) -> io::Result<Self> {
+    pub(crate) fn of(path: &Path) -> io::Result<Self> {
         /// Number of links that Linux follows.
         const LINKS: usize = 40;
         let mut path = path.to_owned();

@@ -51,7 +51,7 @@ impl Batches {
 
     /// Adds the value of a pixel, which is finite.
     #[inline]
-    pub fn add(&mut self, value: Rgb, sample: u32) {
+    pub(crate) fn add(&mut self, value: Rgb, sample: u32) {
         let batch = sample as usize % BATCHES;
         self.counts[batch] += 1;
         let channels = self.sums[batch].iter_mut().zip(value.to_array());
@@ -59,7 +59,7 @@ impl Batches {
     }
 
     /// Adds those of another film of the same samples, or of others.
-    pub fn merge(&mut self, other: &Self) {
+    pub(crate) fn merge(&mut self, other: &Self) {
         for batch in 0..BATCHES {
             self.counts[batch] += other.counts[batch];
             let channels = self.sums[batch].iter_mut().zip(&other.sums[batch]);
@@ -68,14 +68,14 @@ impl Batches {
     }
 
     /// Number of values that were added.
-    pub fn count(&self) -> u64 {
+    pub(crate) fn count(&self) -> u64 {
         self.counts.iter().sum()
     }
 
     /// Standard error of the mean of all values by channel; `None` for fewer than two batches.
     ///
     /// With nᵢ values of mean xᵢ in B batches its square is Σ nᵢ (xᵢ − x)² / ((B − 1) Σ nᵢ), unbiased for batches of any length.
-    pub fn error(&self) -> Option<DVec3> {
+    pub(crate) fn error(&self) -> Option<DVec3> {
         let filled = || (0..BATCHES).filter(|&i| self.counts[i] > 0);
         let count = self.count() as f64;
         let sum = |i: usize| DVec3::from_array(self.sums[i].map(|sum| sum.value()));
@@ -91,13 +91,13 @@ impl Batches {
     }
 
     /// Counts and sums as numbers, for a file.
-    pub fn numbers(&self) -> Vec<u64> {
+    pub(crate) fn numbers(&self) -> Vec<u64> {
         let sums = self.sums.iter().flatten().flat_map(ExactSum::words);
         self.counts.iter().copied().chain(sums).collect()
     }
 
     /// The sums that these [`Batches::numbers`] are of; `None` for another number of them.
-    pub fn from_numbers(numbers: &[u64]) -> Option<Self> {
+    pub(crate) fn from_numbers(numbers: &[u64]) -> Option<Self> {
         if numbers.len() != Self::NUMBERS {
             return None;
         }

@@ -179,7 +179,7 @@ impl Denoiser {
     /// size.
     ///
     /// Panics if the sizes differ.
-    pub fn denoise(
+    pub(crate) fn denoise(
         &self,
         colour: &Buffer,
         albedo: &Buffer,

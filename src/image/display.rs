@@ -39,7 +39,7 @@ impl From<f32> for Display {
 
 impl Display {
     /// Linear display values in [0, 1] of finite radiance.
-    pub fn linear(&self, radiance: Rgb) -> Rgb {
+    pub(crate) fn linear(&self, radiance: Rgb) -> Rgb {
         let exposed = radiance * self.exposure.exp2();
         let shown = match self.view {
             ViewTransform::Srgb => exposed,

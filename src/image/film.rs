@@ -81,7 +81,7 @@ impl Window {
     }
 
     /// Index of a full-frame pixel that is in the window: the inverse of [`Window::pixel`].
-    pub fn index(&self, pixel: UVec2) -> usize {
+    pub(crate) fn index(&self, pixel: UVec2) -> usize {
         (pixel.y - self.y) as usize * self.w as usize + (pixel.x - self.x) as usize
     }
 
@@ -114,7 +114,7 @@ pub enum Cause {
 
 impl Cause {
     /// `None` for a finite value.
-    pub fn of(value: Rgb) -> Option<Self> {
+    pub(crate) fn of(value: Rgb) -> Option<Self> {
         if value.is_finite() {
             None
         } else if value.is_nan() {
@@ -157,7 +157,7 @@ impl Rejected {
     }
 
     /// Counts and, while there is room, remembers one.
-    pub fn add(&mut self, sample: RejectedSample) {
+    pub(crate) fn add(&mut self, sample: RejectedSample) {
         match sample.cause {
             Cause::Nan => self.nan += 1,
             Cause::Infinite => self.infinite += 1,
@@ -299,7 +299,7 @@ impl Film {
     }
 
     /// The error of [`Film::cropped`], without the film.
-    pub fn check(size: UVec2, window: Window) -> Result<(), FilmError> {
+    pub(crate) fn check(size: UVec2, window: Window) -> Result<(), FilmError> {
         let outer = Window::full(size);
         if !window.inside(&outer) {
             return Err(FilmError::Window { window, outer });
@@ -340,7 +340,7 @@ impl Film {
 
     /// The same for an estimator whose pixels share light paths: the whole is known by its samples, too.
     #[inline]
-    pub fn push_shared(&mut self, index: usize, value: Rgb, sample: u32) {
+    pub(crate) fn push_shared(&mut self, index: usize, value: Rgb, sample: u32) {
         if let Sharing::None = self.sharing {
             self.sharing = Sharing::Batches(Box::default());
         }
@@ -370,7 +370,7 @@ impl Film {
     }
 
     /// [`Film::mean_error`] over the mean, the channels added up: 0.01 for a picture whose light is known to 1 %.
-    pub fn relative_mean_error(&self) -> Option<f64> {
+    pub(crate) fn relative_mean_error(&self) -> Option<f64> {
         let sum: DVec3 = self.pixels.iter().map(|m| m.mean).sum();
         let mean = sum.length() / self.pixels.len() as f64;
         (self.mean_error())

@@ -22,7 +22,7 @@ pub const BATCHES: usize = 4;
 
 /// Numbers that a path tells about what it has met: normal of the first rough vertex and the path's length to it; normal of
 /// the first vertex, its distance, and its reflectance. Zero where there is none.
-pub type Features = [f32; FEATURES];
+pub(crate) type Features = [f32; FEATURES];
 
 /// Their number.
 pub const FEATURES: usize = 11;
@@ -192,7 +192,7 @@ impl LevelFilm {
     }
 
     /// Bytes that a film with these samples of each pixel, from 0 on, takes, beside the film of level 0.
-    pub fn bytes_with(pixels: usize, levels: usize, samples: u32) -> u64 {
+    pub(crate) fn bytes_with(pixels: usize, levels: usize, samples: u32) -> u64 {
         let carried = samples > BATCHES as u32 * (CARRY - 1);
         let counts = (pixels * size_of::<[u32; BATCHES]>()) as u64;
         let plain = Self::bytes(pixels, levels);
@@ -217,7 +217,7 @@ impl LevelFilm {
 
     /// Numbers of a sample in a film that has no other, by pixel: levels, shared light and features. Not numbers where it was
     /// left out.
-    pub fn sample(&self, sample: u32) -> impl Iterator<Item = f32> + '_ {
+    pub(crate) fn sample(&self, sample: u32) -> impl Iterator<Item = f32> + '_ {
         let batch = sample as usize % BATCHES;
         let each = self.levels + 1;
         let pixels = self.sums.chunks_exact(BATCHES * each);
@@ -236,7 +236,7 @@ impl LevelFilm {
     }
 
     /// The part of the frame that is recorded.
-    pub fn window(&self) -> Window {
+    pub(crate) fn window(&self) -> Window {
         self.window
     }
 
@@ -310,7 +310,7 @@ impl LevelFilm {
     /// Mean of a batch at the pixel with this index of a level, or of the shared light by the number of levels; black where the
     /// batch has no sample.
     #[inline]
-    pub fn batch_mean(&self, index: usize, batch: usize, level: usize) -> Rgb {
+    pub(crate) fn batch_mean(&self, index: usize, batch: usize, level: usize) -> Rgb {
         let n = self.counts[index][batch].max(1) as f32;
         self.sum(index, batch, level) / n
     }
@@ -351,7 +351,7 @@ impl LevelFilm {
     }
 
     /// Share of each batch in the samples of all pixels.
-    pub fn shares(&self) -> [f32; BATCHES] {
+    pub(crate) fn shares(&self) -> [f32; BATCHES] {
         let mut sums = [0u64; BATCHES];
         for counts in &self.counts {
             let pairs = sums.iter_mut().zip(counts);
@@ -435,7 +435,7 @@ impl LevelFilm {
     }
 
     /// Puts a tile made by [`LevelFilm::cut`] back.
-    pub fn paste(&mut self, tile: &Self) {
+    pub(crate) fn paste(&mut self, tile: &Self) {
         let stride = BATCHES * (self.levels + 1);
         for row in 0..tile.window.h {
             let (mine, theirs, w) = self.row(&tile.window, row);
@@ -580,144 +580,4 @@ fn check_light(sums: &[Rgb]) -> Result<(), &'static str> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const SIZE: UVec2 = UVec2::new(3, 2);
-
-    fn blank() -> LevelFilm {
-        LevelFilm::new(SIZE, Window::full(SIZE), 2)
-    }
-
-    /// Constant values.
-    const PATH: PathLevels<'_> = PathLevels {
-        levels: &[Rgb::new(0.7, 1.3, 1e-3), Rgb::splat(0.1)],
-        shared: Rgb::splat(0.3),
-        features: [0.6, -0.8, 0.0, 7.3, 0.0, 0.0, 1.0, 5.0, 0.5, 0.5, 0.2],
-    };
-
-    /// Adds samples to the pixel with this index.
-    fn push(film: &mut LevelFilm, index: usize, samples: Range<u32>) {
-        samples.for_each(|sample| film.push(index, sample, &PATH));
-    }
-
-    #[test]
-    fn complete_film_lends_an_empty_batch_the_others_mean() {
-        let size = UVec2::new(20, 10);
-        let mut film = LevelFilm::new(size, Window::full(size), 2);
-        (0..200).for_each(|index| push(&mut film, index, 0..8));
-        assert!(matches!(film.complete(), Some(Cow::Borrowed(_))));
-        let whole = film.clone();
-        let mut film = LevelFilm::new(size, Window::full(size), 2);
-        for index in 0..200 {
-            // Two pixels of two hundred lack a batch.
-            (0..8u32)
-                .filter(|sample| index > 1 || sample % 4 != 2)
-                .for_each(|sample| push(&mut film, index, sample..sample + 1));
-        }
-        let complete = film.complete().expect("a film");
-        for level in 0..=2 {
-            let (found, expected) = (complete.batch_means(level), whole.batch_means(level));
-            for (a, b) in found.iter().zip(&expected) {
-                let pairs = a.pixels.iter().zip(&b.pixels);
-                assert!(
-                    pairs
-                        .map(|(a, b)| (*a - *b).abs().max_element())
-                        .all(|d| d < 1e-6)
-                );
-            }
-        }
-        // A third one leaves two batches, and nothing of the others.
-        film.counts[2][2] = 0;
-        assert_eq!(film.batches(), 2);
-        let complete = film.complete().expect("two batches");
-        assert_eq!(complete.shares()[2..], [0.0; 2]);
-        film.counts[2][1] = 0;
-        film.counts[3][1] = 0;
-        film.counts[4][1] = 0;
-        assert_eq!((film.batches(), film.complete()), (1, None));
-    }
-
-    /// In single precision 0.7 added a million times is off by up to 1 %.
-    #[test]
-    fn means_of_millions_of_samples_are_those_of_few() {
-        let mut film = blank();
-        push(&mut film, 1, 0..4_000_003);
-        let close = |found: f32, expected: f32, tolerance: f32| {
-            assert!(
-                (found / expected - 1.0).abs() < tolerance,
-                "{found} {expected}"
-            );
-        };
-        for (level, expected) in [[0.7, 1.3, 1e-3], [0.1; 3], [0.3; 3]]
-            .into_iter()
-            .enumerate()
-        {
-            let batches = film.batch_means(level);
-            for buffer in batches.iter().chain([&film.mean(level)]) {
-                let found = buffer.pixels[1].to_array();
-                (0..3).for_each(|c| close(found[c], expected[c], 5e-4));
-            }
-        }
-        let features = film.features()[1];
-        assert_eq!(features[2], 0.0);
-        close(features[0], 0.6, 2e-3);
-        close(features[1], -0.8, 2e-3);
-        close(features[3], 7.3, 2e-3);
-    }
-
-    #[test]
-    fn carried_sums_go_with_tiles_bands_and_files() {
-        let last = BATCHES as u32 * (CARRY - 1);
-        for (end, magic) in [
-            (last, MAGIC),
-            (last + 1, MAGIC_CARRIED),
-            (last + 7, MAGIC_CARRIED),
-        ] {
-            let (mut whole, mut film) = (blank(), blank());
-            for index in 0..SIZE.element_product() as usize {
-                push(&mut whole, index, 0..end + 9);
-            }
-            // In tiles, and by way of a file.
-            for tile in Window::full(SIZE).tiles(2) {
-                let mut part = film.cut(tile);
-                (0..tile.len()).for_each(|index| push(&mut part, index, 0..end));
-                film.paste(&part);
-            }
-            // In bands.
-            let mut again = blank();
-            for mut band in again.bands(1, &(0..end)) {
-                for sample in 0..end {
-                    (0..SIZE.x as usize).for_each(|index| band.push(index, sample, &PATH));
-                }
-            }
-            assert!(again == film);
-            let mut bytes = Vec::new();
-            film.write(&mut bytes).unwrap();
-            assert_eq!(&bytes[..8], magic);
-            let length = bytes.len() as u64;
-            assert_eq!(length, LevelFilm::HEAD + LevelFilm::bytes_with(6, 2, end));
-            let read = |bytes: &mut &[u8]| LevelFilm::read(SIZE, Window::full(SIZE), bytes);
-            let mut rest = &bytes[..];
-            let mut again = read(&mut rest).unwrap();
-            assert!(again == film && rest.is_empty());
-            assert!(read(&mut &bytes[..bytes.len() - 1]).is_err());
-            let mut absurd = bytes.clone();
-            let last = bytes.len() - 4;
-            absurd[last..].copy_from_slice(&f32::NAN.to_le_bytes());
-            let error = read(&mut &absurd[..]).unwrap_err();
-            assert_eq!(error, "sums of the levels are not finite");
-            if film.carried.is_none() {
-                absurd[last..].copy_from_slice(&(-1.0f32).to_le_bytes());
-                let error = read(&mut &absurd[..]).unwrap_err();
-                assert_eq!(error, "sums of the levels are negative");
-            }
-            for tile in Window::full(SIZE).tiles(1) {
-                let mut part = again.cut(tile);
-                push(&mut part, 0, end..end + 9);
-                again.paste(&part);
-            }
-            assert_eq!(again, whole);
-        }
-    }
-}
+mod tests;

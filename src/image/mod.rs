@@ -1,7 +1,7 @@
 //! Pictures: films of running moments, files, and relative errors.
 
 pub mod batches;
-pub mod buffer;
+pub(crate) mod buffer;
 pub mod denoise;
 pub mod display;
 pub mod exr;
@@ -9,7 +9,7 @@ pub mod film;
 pub mod level_film;
 pub mod png;
 pub mod relative;
-pub mod splat;
+pub(crate) mod splat;
 
 pub use buffer::Buffer;
 pub use film::Film;

@@ -9,7 +9,7 @@ use crate::math::{DVec3, Rgb, UVec2};
 
 /// A value for one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Splat {
+pub(crate) struct Splat {
     /// Index of the pixel in the window, row by row.
     pub index: u32,
     /// The value.
@@ -19,7 +19,7 @@ pub struct Splat {
 impl Splat {
     /// A value for a pixel of the full frame; `None` outside the window.
     #[inline]
-    pub fn new(window: &Window, pixel: UVec2, value: Rgb) -> Option<Self> {
+    pub(crate) fn new(window: &Window, pixel: UVec2, value: Rgb) -> Option<Self> {
         let x = pixel.x.checked_sub(window.x).filter(|&x| x < window.w)?;
         let y = pixel.y.checked_sub(window.y).filter(|&y| y < window.h)?;
         let index = y * window.w + x;
@@ -29,7 +29,7 @@ impl Splat {
 
 /// Sums of splats over the pixels of a window.
 #[derive(Clone, Debug)]
-pub struct SplatLayer {
+pub(crate) struct SplatLayer {
     sums: Vec<DVec3>,
 }
 
@@ -38,7 +38,7 @@ impl SplatLayer {
     pub(crate) const PIXEL_BYTES: u64 = size_of::<DVec3>() as u64;
 
     /// An empty layer of a window.
-    pub fn new(window: &Window) -> Self {
+    pub(crate) fn new(window: &Window) -> Self {
         Self {
             sums: vec![DVec3::ZERO; window.len()],
         }
@@ -69,7 +69,7 @@ impl SplatLayer {
     }
 
     /// The sums, row by row; the layer is empty again.
-    pub fn take(&mut self) -> impl Iterator<Item = Rgb> + '_ {
+    pub(crate) fn take(&mut self) -> impl Iterator<Item = Rgb> + '_ {
         self.sums
             .iter_mut()
             .map(|sum| std::mem::take(sum).as_vec3())

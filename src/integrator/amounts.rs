@@ -93,7 +93,7 @@ macro_rules! ascending {
 
         impl $name {
             /// The numbers, ascending.
-            pub fn as_slice(&self) -> &[f32] {
+            pub(crate) fn as_slice(&self) -> &[f32] {
                 &self.0
             }
         }
@@ -127,7 +127,7 @@ macro_rules! ascending {
 }
 
 ascending! {
-    /// Scales of the rule's factors at the [levels](super::levels) of a render: 2 to [`MAX_LEVELS`], ascending from 0, which is
+    /// Scales of the rule's factors at the levels of a render: 2 to [`MAX_LEVELS`], ascending from 0, which is
     /// plain path tracing.
     Scales from 0.0, SCALES, Scales;
     /// Factors on the radius of photon density: 2 to [`MAX_LEVELS`], ascending from 1.

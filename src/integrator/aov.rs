@@ -119,7 +119,7 @@ impl Recorded {
 
 impl Aovs {
     /// An empty record of these parts; `None` if there are none.
-    pub fn new(window: Window, recorded: Recorded) -> Option<Self> {
+    pub(crate) fn new(window: Window, recorded: Recorded) -> Option<Self> {
         let Recorded { first, light, time } = recorded;
         (first || light || time).then(|| Self {
             first: first.then(|| FirstHit::new(window)),
@@ -271,7 +271,7 @@ impl FirstHit {
     }
 
     /// Share of the paths that met a surface, in [0, 1]. All three channels are the same.
-    pub fn coverage(&self) -> Buffer {
+    pub(crate) fn coverage(&self) -> Buffer {
         self.buffer(|s| DVec3::splat(f64::from(s.hits) / f64::from(s.samples.max(1))))
     }
 
@@ -280,7 +280,7 @@ impl FirstHit {
     }
 
     /// The sums as numbers, for a checkpoint.
-    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> {
         self.sums.iter().flat_map(|s| {
             let (a, n) = (s.albedo, s.normal);
             [

@@ -151,7 +151,7 @@ impl Checkpoint {
     }
 
     /// An error unless the checkpoint, read from this file, is of this render.
-    pub fn check(&self, path: &Path, ours: &Fingerprint) -> Result<(), FileError> {
+    pub(crate) fn check(&self, path: &Path, ours: &Fingerprint) -> Result<(), FileError> {
         let differs = self.fingerprint.differs(ours, "checkpoint", "render");
         differs.map_err(|what| FileError::content(path, what))
     }

@@ -39,7 +39,7 @@ pub enum Aov {
 
 impl Aov {
     /// All of them.
-    pub const ALL: [Self; 13] = [
+    pub(crate) const ALL: [Self; 13] = [
         Self::Albedo,
         Self::Normal,
         Self::Depth,
@@ -84,14 +84,14 @@ impl Aov {
 }
 
 /// Layers that a render adds.
-pub struct Layers<'a> {
+pub(crate) struct Layers<'a> {
     wanted: &'a [Aov],
     centres: Option<Centres>,
 }
 
 impl<'a> Layers<'a> {
     /// Traces the centres of pixels, if they are wanted.
-    pub fn new(wanted: &'a [Aov], view: &View<'_>) -> Self {
+    pub(crate) fn new(wanted: &'a [Aov], view: &View<'_>) -> Self {
         let centres = wanted.contains(&Aov::Position) || wanted.contains(&Aov::Id);
         Self {
             wanted,
@@ -100,13 +100,13 @@ impl<'a> Layers<'a> {
     }
 
     /// Layers without those of pixel centres.
-    pub fn recorded(wanted: &'a [Aov]) -> Self {
+    pub(crate) fn recorded(wanted: &'a [Aov]) -> Self {
         let centres = None;
         Self { wanted, centres }
     }
 
     /// The layers of a picture, in the order asked for.
-    pub fn of(&self, picture: &Picture) -> Vec<Layer> {
+    pub(crate) fn of(&self, picture: &Picture) -> Vec<Layer> {
         let layer = |aov: &Aov| self.layer(*aov, picture);
         self.wanted.iter().filter_map(layer).collect()
     }

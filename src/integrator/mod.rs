@@ -2,28 +2,28 @@
 //!
 //! [`Settings`] name an [`Estimator`] and a [rule](crate::regularise::Rule); [`Settings::integrator`] makes an
 //! [`Integrator`] of them, the one place with dynamic dispatch (one call a pass). Everything below is monomorphised: plain
-//! path tracing compiles to a loop without a table. [`levels`] traces several amounts of roughening at once, [`guided`] learns
-//! where light comes from. All walk by one [`walk`]: a loop holds its estimator and nothing else.
+//! path tracing compiles to a loop without a table. `levels` traces several amounts of roughening at once, [`guided`] learns
+//! where light comes from. All walk by one `walk`: a loop holds its estimator and nothing else.
 
 pub mod amounts;
 pub mod aov;
 pub mod bidirectional;
-pub mod census;
+pub(crate) mod census;
 pub mod checkpoint;
 pub mod drive;
 pub mod guided;
 pub mod layers;
-pub mod levels;
+pub(crate) mod levels;
 pub mod method;
-pub mod metropolis;
+pub(crate) mod metropolis;
 pub mod modes;
 pub mod part;
-pub mod path;
+pub(crate) mod path;
 mod pieces;
-pub mod settings;
-pub mod stop;
+pub(crate) mod settings;
+pub(crate) mod stop;
 pub mod trace;
-pub mod walk;
+pub(crate) mod walk;
 
 use crate::image::film::{Film, FilmError, Window};
 use crate::image::level_film::LevelFilm;
@@ -32,10 +32,8 @@ use crate::math::moments::Moments;
 use crate::scene::{Camera, Scene, Sensor};
 pub use amounts::Amounts;
 pub use aov::{Aovs, FirstHit, Recorded};
-pub use bidirectional::Bidirectional;
 pub use census::Census;
-pub use metropolis::Metropolis;
-pub use path::PathTracer;
+pub(crate) use path::PathTracer;
 pub use settings::{Estimator, Settings};
 use std::ops::Range;
 pub use stop::Stop;
@@ -114,7 +112,7 @@ impl Picture {
     }
 
     /// Bytes that such a picture takes, its copies in tiles and files included.
-    pub fn bytes(window: Window, amounts: &Amounts, recorded: Recorded) -> u64 {
+    pub(crate) fn bytes(window: Window, amounts: &Amounts, recorded: Recorded) -> u64 {
         let film = match amounts.films() {
             0 => Self::FILM_BYTES,
             levels => {

@@ -89,7 +89,7 @@ impl Part {
     }
 
     /// Pixels of this part.
-    pub fn window(&self) -> Window {
+    pub(crate) fn window(&self) -> Window {
         let [x, y, w, h] = self.window;
         Window { x, y, w, h }
     }
@@ -127,7 +127,7 @@ impl Part {
 
     /// The same, after the samples of `begun`: a part of the same pixels that begins with sample 0, as this one does. The file
     /// has the bytes of a part that was rendered at once.
-    pub fn render_on(
+    pub(crate) fn render_on(
         mut self,
         begun: Option<&Path>,
         path: &Path,

@@ -24,7 +24,7 @@ pub enum Estimator {
     /// Unidirectional path tracing with next-event estimation.
     Path {
         /// Continue paths with the roughened lobe ("reuse" of `[OPSR §5.1]`): as fast as plain path tracing,
-        /// slightly more bias. Rules that [always do](Rule::roughens_continuation) ignore it.
+        /// slightly more bias. Rules that always do ignore it.
         reuse: bool,
     },
     /// The same with directions drawn from the BSDF or from a [guide](super::guided) that is learned while rendering.
@@ -152,7 +152,7 @@ impl Settings {
     }
 
     /// Numbers of the camera paths of path tracing: independent from batch to batch where there are batches.
-    pub fn source(&self) -> CameraSource {
+    pub(crate) fn source(&self) -> CameraSource {
         let batches = match self.amounts.has_batches() {
             true => BATCHES,
             false => 1,
@@ -194,7 +194,7 @@ impl Settings {
     }
 
     /// Bytes that a picture of a window of the frame takes with these settings, and what an integrator holds beside it.
-    pub fn bytes(&self, frame: UVec2, window: Window, recorded: Recorded) -> u64 {
+    pub(crate) fn bytes(&self, frame: UVec2, window: Window, recorded: Recorded) -> u64 {
         let beside = match self.estimator {
             Estimator::Guided { .. } => guided::bytes(window.len()),
             Estimator::Mlt { .. } => metropolis::bytes(frame),
@@ -220,7 +220,7 @@ impl Settings {
     }
 
     /// The amounts of these numbers: scales of the rule's factors in path tracing, factors on the radius of `sppm`.
-    pub fn amounts_at(&self, numbers: &[f32]) -> Result<Amounts, LevelError> {
+    pub(crate) fn amounts_at(&self, numbers: &[f32]) -> Result<Amounts, LevelError> {
         if matches!(self.estimator, Estimator::Sppm(_)) {
             return Amounts::radii(numbers);
         }
@@ -307,7 +307,7 @@ impl Settings {
     }
 
     /// Text for the file of a picture: version, seed, scene and table.
-    pub fn metadata(
+    pub(crate) fn metadata(
         &self,
         scene: &str,
         scene_sha256: &str,

@@ -2,7 +2,7 @@
 
 use super::walk::observer::{PathObserver, Recorder};
 use super::{Settings, ShadingPoint, View};
-use crate::bsdf::{Bsdf, Lobe};
+use crate::bsdf::Lobe;
 use crate::image::film::{Film, FilmError, Window};
 use crate::math::{Rgb, UVec2, Vec3};
 use crate::regularise::{Accumulated, AccumulatedPath, GammaIndex, Roughening, Rule, Scattered};
@@ -107,18 +107,7 @@ impl PathObserver for Tracer<'_> {
             mesh: (!point.surface.is_in_medium())
                 .then(|| (point.scene.geometry()).triangle_mesh(point.surface.triangle)),
             material: point.surface.material,
-            bsdf: match point.bsdf {
-                Bsdf::Diffuse(_) => "diffuse",
-                Bsdf::Glossy(_) => "glossy",
-                Bsdf::Dielectric(_) => "dielectric",
-                Bsdf::Thin(_) => "thin wall",
-                Bsdf::Clearcoated(_) => "under a clear coat",
-                Bsdf::Anisotropic(_) => "anisotropic",
-                Bsdf::Iridescent(_) => "iridescent",
-                Bsdf::Sheen(_) => "sheen",
-                Bsdf::Exact(_) => "glossy, exact",
-                Bsdf::Phase(_) => "medium",
-            },
+            bsdf: point.bsdf.name(),
             throughput: point.throughput,
             alpha: point.alpha,
             alpha_reg: point.alpha_reg,

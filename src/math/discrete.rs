@@ -58,13 +58,13 @@ impl AliasTable {
     }
 
     /// True if no outcome can be drawn.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.columns.is_empty()
     }
 
     /// Probability of outcome `i` < n.
     #[inline]
-    pub fn pmf(&self, i: usize) -> f32 {
+    pub(crate) fn pmf(&self, i: usize) -> f32 {
         self.pmf[i]
     }
 
@@ -144,7 +144,7 @@ impl Distribution2D {
 
     /// Probability of a cell (column, row).
     #[inline]
-    pub fn pmf(&self, [x, y]: [usize; 2]) -> f32 {
+    pub(crate) fn pmf(&self, [x, y]: [usize; 2]) -> f32 {
         mass(self.row(y), x) * mass(&self.rows, y)
     }
 }

@@ -18,25 +18,25 @@ const FRACTION: i32 = 149;
 /// assert_eq!(sum.value(), f64::from(1e-30f32));
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ExactSum([u64; Self::WORDS]);
+pub(crate) struct ExactSum([u64; Self::WORDS]);
 
 impl ExactSum {
     /// Number of [`ExactSum::words`].
-    pub const WORDS: usize = 6;
+    pub(crate) const WORDS: usize = 6;
 
     /// The sum that these [`ExactSum::words`] are of.
-    pub fn from_words(words: [u64; Self::WORDS]) -> Self {
+    pub(crate) fn from_words(words: [u64; Self::WORDS]) -> Self {
         Self(words)
     }
 
     /// The sum as numbers, for a file.
-    pub fn words(&self) -> [u64; Self::WORDS] {
+    pub(crate) fn words(&self) -> [u64; Self::WORDS] {
         self.0
     }
 
     /// Adds a number, which must be finite.
     #[inline]
-    pub fn add(&mut self, x: f32) {
+    pub(crate) fn add(&mut self, x: f32) {
         debug_assert!(x.is_finite());
         let bits = x.to_bits();
         let (exponent, fraction) = (bits >> 23 & 0xff, bits & 0x7f_ffff);
@@ -60,7 +60,7 @@ impl ExactSum {
     }
 
     /// Adds another sum.
-    pub fn plus(&mut self, other: &Self) {
+    pub(crate) fn plus(&mut self, other: &Self) {
         let mut carry = false;
         for (a, b) in self.0.iter_mut().zip(other.0) {
             (*a, carry) = a.carrying_add(b, carry);
@@ -75,7 +75,7 @@ impl ExactSum {
     }
 
     /// The sum, rounded.
-    pub fn value(&self) -> f64 {
+    pub(crate) fn value(&self) -> f64 {
         let negative = self.0[Self::WORDS - 1] >> 63 == 1;
         let size = if negative { self.negated() } else { *self };
         let unit = f64::from(2.0f32).powi(-FRACTION);

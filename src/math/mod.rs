@@ -1,8 +1,8 @@
 //! Mathematics without physics: vectors, frames, measures, warps, distributions, dual numbers. Depends on glam only.
 
 pub mod discrete;
-pub mod exact;
-pub mod frame;
+pub(crate) mod exact;
+pub(crate) mod frame;
 pub mod measure;
 pub mod moments;
 pub mod real;

@@ -6,7 +6,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 /// Uniform point of the unit disk, density 1/π per area, by the concentric map (Shirley, Chiu: *A Low Distortion Map
 /// Between Disk and Square*, 1997).
 #[inline]
-pub fn disk(u: Vec2) -> Vec2 {
+pub(crate) fn disk(u: Vec2) -> Vec2 {
     let p = 2.0 * u - Vec2::ONE;
     if p == Vec2::ZERO {
         return Vec2::ZERO;
@@ -34,14 +34,14 @@ pub fn cosine_hemisphere_pdf(cos: f32) -> f32 {
 
 /// Barycentric weights of the second and third corner for a uniform point of a triangle, density 1/area per area.
 #[inline]
-pub fn triangle(u: Vec2) -> Vec2 {
+pub(crate) fn triangle(u: Vec2) -> Vec2 {
     let root = u.x.sqrt();
     Vec2::new(root * (1.0 - u.y), root * u.y)
 }
 
 /// Uniform direction of the sphere, density 1/(4π) per steradian.
 #[inline]
-pub fn sphere(u: Vec2) -> Vec3 {
+pub(crate) fn sphere(u: Vec2) -> Vec3 {
     let z = 1.0 - 2.0 * u.x;
     let r = (4.0 * u.x * (1.0 - u.x)).max(0.0).sqrt();
     let phi = 2.0 * PI * u.y;
@@ -50,7 +50,7 @@ pub fn sphere(u: Vec2) -> Vec3 {
 
 /// Uniform direction of the cone about +z whose half angle has 1 − cos = `width`, density 1/(2π `width`) per steradian.
 #[inline]
-pub fn cone(u: Vec2, width: f32) -> Vec3 {
+pub(crate) fn cone(u: Vec2, width: f32) -> Vec3 {
     let z = 1.0 - u.x * width;
     let r = (u.x * width * (2.0 - u.x * width)).max(0.0).sqrt();
     let (sin, cos) = (2.0 * PI * u.y).sin_cos();

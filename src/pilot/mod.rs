@@ -50,7 +50,7 @@ const BEHIND: f64 = 2.0;
 const PATHS_PER_SECOND: f64 = 0.7e6;
 
 /// Samples per pixel that a pilot assumes for a render to a target error.
-pub const SPP_OF_TARGET: u32 = 256;
+pub(crate) const SPP_OF_TARGET: u32 = 256;
 
 /// Brightest direction of an environment over its mean from which it throws caustics as a lamp does.
 const PEAK: f32 = 100.0;
@@ -293,7 +293,7 @@ fn usual_cost(contender: &Contender, frames: f64) -> f64 {
 }
 
 /// Time of a render that is left after loading and pilot: at least a quarter, or there would be no picture.
-pub fn left_after(time: Duration, spent: Duration) -> Duration {
+pub(crate) fn left_after(time: Duration, spent: Duration) -> Duration {
     time.saturating_sub(spent).max(time / 4)
 }
 

@@ -59,7 +59,7 @@ impl Missing {
     }
 
     /// Says so in the metadata of a picture.
-    pub fn note(&self, metadata: &mut Metadata) {
+    pub(crate) fn note(&self, metadata: &mut Metadata) {
         metadata.insert("light_missing".into(), format!("{:.3}", self.share));
     }
 }

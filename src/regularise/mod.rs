@@ -9,7 +9,7 @@
 //! one; the rules are here. Nothing here depends on scenes, lights or the trainer.
 
 pub mod file;
-pub mod rules;
+pub(crate) mod rules;
 
 pub use opsr_table::{
     Attenuation, AttenuationTable, BIN_EDGES, BINS, ConstantGamma, GammaIndex, LEN, Lookup,
@@ -28,7 +28,7 @@ pub enum Factors {
 
 impl Factors {
     /// True if no path is ever roughened.
-    pub fn are_zero(&self) -> bool {
+    pub(crate) fn are_zero(&self) -> bool {
         match self {
             Self::Constant(gamma) => *gamma == 0.0,
             Self::Table(table) => table.scale == 0.0 || table.gammas.iter().all(|&g| g == 0.0),
@@ -36,7 +36,7 @@ impl Factors {
     }
 
     /// Multiplier of every factor.
-    pub fn scale(&self) -> f32 {
+    pub(crate) fn scale(&self) -> f32 {
         match self {
             Self::Constant(_) => 1.0,
             Self::Table(table) => table.scale,
@@ -45,7 +45,7 @@ impl Factors {
 
     /// Factor of a path before the multiplier.
     #[inline]
-    pub fn unscaled(&self, prefix: &PathRoughness, last: f32) -> f32 {
+    pub(crate) fn unscaled(&self, prefix: &PathRoughness, last: f32) -> f32 {
         match self {
             Self::Constant(gamma) => *gamma,
             Self::Table(table) => table.unscaled(prefix, last),
@@ -159,7 +159,7 @@ pub struct AccumulatedPath {
 
 impl AccumulatedPath {
     /// Roughness of the vertices so far.
-    pub fn roughness(&self) -> &PathRoughness {
+    pub(crate) fn roughness(&self) -> &PathRoughness {
         &self.roughness
     }
 }

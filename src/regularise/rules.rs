@@ -29,7 +29,7 @@ pub enum Rule {
 }
 
 /// r₀ of [`Rule::Mollifier`] unless another is asked for.
-pub const MOLLIFIER_RADIUS: f32 = 0.01;
+pub(crate) const MOLLIFIER_RADIUS: f32 = 0.01;
 
 impl Rule {
     /// Accumulated roughness with one factor for all paths: the paper's naive variant.
@@ -71,7 +71,7 @@ impl Rule {
     }
 
     /// True for rules whose paths always continue with the roughened lobe, as in the renderers they come from.
-    pub fn roughens_continuation(&self) -> bool {
+    pub(crate) fn roughens_continuation(&self) -> bool {
         matches!(
             self,
             Self::Pbrt | Self::FilterGlossy(_) | Self::RoughnessClamp
@@ -79,7 +79,7 @@ impl Rule {
     }
 
     /// The rule in words that two rules share only if they roughen alike; a table is named by the hash of its factors.
-    pub fn fingerprint(&self) -> String {
+    pub(crate) fn fingerprint(&self) -> String {
         let (Some(table), Self::Accumulated(rule)) = (self.table(), self) else {
             return format!("{self:?}");
         };

@@ -84,7 +84,7 @@ impl Spec {
     }
 
     /// Refuses choices among levels for a film of one.
-    pub fn check_film(&self, picture: &Picture) -> Result<(), Fault> {
+    pub(crate) fn check_film(&self, picture: &Picture) -> Result<(), Fault> {
         let one = picture.levels.is_none();
         if self.is_raw() {
             let why = "raw is chosen before a render, not of its film";

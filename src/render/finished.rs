@@ -216,7 +216,7 @@ impl Finished<'_> {
 
     /// Layers of an EXR file beside the picture: those that were asked for, the picture before it was denoised, the choice of
     /// every pixel with its bias, variance and error, and every level where that is asked for.
-    pub fn layers(&self) -> Vec<Layer> {
+    pub(crate) fn layers(&self) -> Vec<Layer> {
         let mut layers = self.outcome.aovs.clone();
         let noisy = self.shown.noisy.as_ref();
         layers.extend(noisy.map(|noisy| Layer::rgb("noisy", noisy)));

@@ -64,7 +64,7 @@ impl Look {
     }
 
     /// The camera. Its name is its numbers.
-    pub fn camera(&self) -> Result<Camera, String> {
+    pub(crate) fn camera(&self) -> Result<Camera, String> {
         self.check()?;
         let [position, target, up] = [self.position, self.target, self.up].map(Vec3::from_array);
         let fov = self.fov.unwrap_or(40.0).to_radians();
@@ -81,13 +81,8 @@ impl Look {
         Ok(camera)
     }
 
-    /// Distance between position and target.
-    pub fn distance(&self) -> f32 {
-        Vec3::from_array(self.position).distance(Vec3::from_array(self.target))
-    }
-
     /// Position, target, up and field of view (after an `h` the height of parallel rays), as `--camera` takes them.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let numbers = [self.position, self.target, self.up].concat();
         let mut words: Vec<String> = numbers.iter().map(f32::to_string).collect();
         words.push(match (self.height, self.fov) {
@@ -124,7 +119,7 @@ impl Look {
     }
 
     /// Reads a file that a viewer saved.
-    pub fn load(path: &Path) -> Result<Self, FileError> {
+    pub(crate) fn load(path: &Path) -> Result<Self, FileError> {
         let text = files::read_text(path, MAX_BYTES)?;
         let look: Self = serde_json::from_str(&text).map_err(|e| FileError::content(path, e))?;
         match look.check() {
@@ -133,7 +128,7 @@ impl Look {
         }
     }
 
-    /// The file that [`Look::load`] reads.
+    /// The file that `Look::load` reads.
     pub fn file(&self) -> String {
         // Numbers and no maps: nothing that could fail.
         serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
@@ -179,7 +174,7 @@ pub enum CameraChoice {
 
 impl CameraChoice {
     /// The look, of a choice that is one.
-    pub fn look(&self) -> Result<Option<Look>, FileError> {
+    pub(crate) fn look(&self) -> Result<Option<Look>, FileError> {
         match self {
             Self::Named(_) => Ok(None),
             Self::File(path) => Look::load(path).map(Some),

@@ -56,7 +56,7 @@ impl Spec {
     }
 
     /// True where a table or a factor roughens.
-    pub fn has_factors(&self) -> bool {
+    pub(crate) fn has_factors(&self) -> bool {
         self.table.is_some()
     }
 
@@ -302,7 +302,7 @@ impl Spec {
     }
 
     /// The settings with this method, of raw means.
-    pub fn with(&self, method: &Method) -> Settings {
+    pub(crate) fn with(&self, method: &Method) -> Settings {
         let default = Settings::default();
         Settings {
             estimator: method.estimator,
@@ -318,7 +318,7 @@ impl Spec {
     /// The renders among which [`IntegratorKind::Auto`] chooses, the plain path tracer first: the path tracer as asked for,
     /// or with levels of the table that the program contains where nothing was, and every other integrator, without roughening.
     /// So a table adds no error to them.
-    pub fn contenders(&self) -> Vec<Self> {
+    pub(crate) fn contenders(&self) -> Vec<Self> {
         use IntegratorKind::{Bdpt, Path, Vcm};
         let plain = |kind: IntegratorKind| {
             let merges = kind == Vcm;

@@ -23,7 +23,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 /// Samples of a render whose budget is not given.
-pub const DEFAULT_SPP: u32 = 128;
+pub(crate) const DEFAULT_SPP: u32 = 128;
 
 /// Bytes that a layer of its own adds for each pixel of a level.
 const LEVEL_LAYER_BYTES: u64 = 36;
@@ -97,7 +97,7 @@ pub struct Output {
 }
 
 /// Function that is called after each pass with the picture so far, and can end the render.
-pub type OnPass<'a> = &'a mut dyn FnMut(&RenderProgress, &Picture) -> ControlFlow<()>;
+pub(crate) type OnPass<'a> = &'a mut dyn FnMut(&RenderProgress, &Picture) -> ControlFlow<()>;
 
 /// Runs a render: the pilot, if the integrator is `auto`, and all passes.
 pub fn run<'a>(
@@ -112,7 +112,7 @@ pub fn run<'a>(
 }
 
 /// The camera with this name or number; without one the first, or a camera that sees the whole scene.
-pub fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> Result<Camera, Fault> {
+pub(crate) fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> Result<Camera, Fault> {
     let cameras = &scene.parts().cameras;
     let Some(wanted) = wanted else {
         let first = cameras.first().cloned();
@@ -231,7 +231,7 @@ impl Spec {
     }
 
     /// Bounds of the render, after a pilot that took this long.
-    pub fn budget(&self, pilot: Duration) -> Budget {
+    pub(crate) fn budget(&self, pilot: Duration) -> Budget {
         let free = self.spp.is_none() && self.time.is_none() && self.target_error.is_none();
         Budget {
             samples: if free { Some(DEFAULT_SPP) } else { self.spp },
@@ -261,7 +261,7 @@ impl Spec {
     }
 
     /// Parts of the AOVs that are recorded along paths.
-    pub fn recorded_aovs(&self) -> Recorded {
+    pub(crate) fn recorded_aovs(&self) -> Recorded {
         let mut recorded = Aov::recorded(self.aovs());
         recorded.first |= self.denoise == Some(true);
         recorded
@@ -509,7 +509,7 @@ impl<'a> Request<'a> {
     }
 
     /// The identity of this render, which its checkpoints carry.
-    pub fn fingerprint(&self) -> Fingerprint {
+    pub(crate) fn fingerprint(&self) -> Fingerprint {
         self.identity(&self.settings, true)
     }
 

@@ -2,7 +2,7 @@
 //!
 //! A declaration is a field of [`Spec`]: its type, its help, and an [`Opt`] that says its names, range, default, heading, what
 //! it needs and excludes, and what it changes. The command line, Python's keywords and the methods of a suite are made of
-//! these declarations; what a render records about itself too ([`Spec::recorded`]).
+//! these declarations; what a render records about itself too (`Spec::recorded`).
 
 use super::fault::Fault;
 use super::look::CameraChoice;
@@ -169,7 +169,7 @@ impl Opt {
     }
 
     /// An error unless the option takes this value.
-    pub fn check(&self, value: &Value) -> Result<(), String> {
+    pub(crate) fn check(&self, value: &Value) -> Result<(), String> {
         (self.check)(value, &self.range)
     }
 
@@ -420,7 +420,7 @@ impl Spec {
     }
 
     /// The given options without --resolve raw, which is a choice of the render and not of its film.
-    pub fn given_but_raw(&self) -> impl Iterator<Item = (&'static Opt, String)> {
+    pub(crate) fn given_but_raw(&self) -> impl Iterator<Item = (&'static Opt, String)> {
         let raw = self.is_raw();
         self.given()
             .filter(move |(option, _)| !(raw && option.name == "resolve"))
@@ -440,7 +440,7 @@ impl Spec {
     }
 
     /// Given options that change pixels, for a file that says what it shows; the integrator may be a pilot's choice.
-    pub fn recorded(
+    pub(crate) fn recorded(
         &self,
         integrator: IntegratorKind,
     ) -> impl Iterator<Item = (&'static str, String)> {

@@ -45,7 +45,7 @@ const EPSILON: f32 = 0.01;
 
 /// A choice that is mixed with a denoiser's picture.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Denoised {
+pub(crate) struct Denoised {
     /// The picture, the level that was chosen for every pixel, and the error of both together.
     pub resolved: Resolved,
     /// Level that the denoiser was fed with.
@@ -54,7 +54,7 @@ pub struct Denoised {
 
 /// Mixes the choice among the levels of a film with the picture of a denoiser, any function of a picture; fails where that
 /// does. A film of fewer than four samples has no batches to judge by: its samples are denoised, and nothing is known of the error.
-pub fn denoise_film<E>(
+pub(crate) fn denoise_film<E>(
     film: &LevelFilm,
     resolved: Resolved,
     denoise: impl Fn(&Buffer) -> Result<Buffer, E>,

@@ -52,7 +52,7 @@ use coarse::{Caps, Coarse, FACTORS};
 use serde::{Deserialize, Serialize};
 use tiles::{Chosen, Shared, edge};
 
-pub use denoised::{Denoised, denoise_film};
+pub(crate) use denoised::denoise_film;
 pub use statement::{Statement, error_of_less_noise, film_error, film_errors};
 
 /// Smoothing that a picture of several levels may get.
@@ -171,7 +171,7 @@ impl Resolved {
     }
 
     /// Layers for EXR files: `level`; where a film had an estimate of its noise `bias2` and `variance` too.
-    pub fn layers(&self) -> Vec<Layer> {
+    pub(crate) fn layers(&self) -> Vec<Layer> {
         let level = self.level.iter().map(|&k| f32::from(k)).collect();
         let mut layers = vec![Layer::scalar("level", level)];
         if self.is_known() {
@@ -227,7 +227,7 @@ pub fn stopping_error(picture: &Picture) -> f64 {
 
 /// The same of a picture that is shown without a choice, as the mean of its samples: the larger one of the errors that its samples
 /// and its batches state.
-pub fn stopping_error_of_samples(picture: &Picture) -> f64 {
+pub(crate) fn stopping_error_of_samples(picture: &Picture) -> f64 {
     let of_batches = |film| resolve_film(film, Resolve::None).statement().mean;
     let shown = picture.levels.as_ref().map_or(0.0, of_batches);
     film_error(&picture.film).bound().max(shown)

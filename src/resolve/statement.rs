@@ -101,7 +101,7 @@ impl Statement {
     }
 
     /// The same with light that is missing: squared relative darkness of all pixels.
-    pub fn with_missing(self, squares: &[f32]) -> Self {
+    pub(crate) fn with_missing(self, squares: &[f32]) -> Self {
         let count = squares.len().max(1) as f64;
         let sum: f64 = squares.iter().map(|&x| f64::from(x)).sum();
         let dark: f64 = squares.iter().map(|&x| f64::from(x).sqrt().min(1.0)).sum();

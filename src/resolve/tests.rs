@@ -1,4 +1,5 @@
 use super::coarse::{Caps, Coarse, Missing};
+use super::denoised::Denoised;
 use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface};
 use super::layer::{seen_again, without_largest};

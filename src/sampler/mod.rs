@@ -257,7 +257,7 @@ impl CameraSource {
     }
 
     /// Seed of the render.
-    pub fn seed(&self) -> Seed {
+    pub(crate) fn seed(&self) -> Seed {
         self.independent.seed
     }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// Surroundings of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Backdrop {
+pub(crate) enum Backdrop {
     /// The studio if nothing else lights the scene, see [`FileLight`](super::load::FileLight); else nothing.
     #[default]
     Auto,
@@ -23,7 +23,7 @@ pub enum Backdrop {
 
 impl Backdrop {
     /// The one of a name, `studio`, `sky` or `none`, or else the map of a file; without a word [`Backdrop::Auto`].
-    pub fn named(word: Option<&Path>, sky: Sky) -> Self {
+    pub(crate) fn named(word: Option<&Path>, sky: Sky) -> Self {
         let Some(word) = word else {
             return Self::Auto;
         };
@@ -36,7 +36,7 @@ impl Backdrop {
     }
 
     /// The file of a map.
-    pub fn file(&self) -> Option<&PathBuf> {
+    pub(crate) fn file(&self) -> Option<&PathBuf> {
         match self {
             Self::Map(path) => Some(path),
             _ => None,
@@ -45,7 +45,7 @@ impl Backdrop {
 
     /// Surroundings of a scene, which is `lit` or not, of this intensity and turned by `rotation` radians; hands over bytes
     /// that name them, for a hash. `None` for nothing.
-    pub fn environment(
+    pub(crate) fn environment(
         &self,
         lit: bool,
         intensity: f32,

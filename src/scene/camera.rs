@@ -47,7 +47,7 @@ impl Lens {
     /// A point of the lens from its middle, to the right and up in world units: uniform over the aperture for `u` uniform
     /// in [0, 1)².
     #[inline]
-    pub fn point(&self, u: Vec2) -> Vec2 {
+    pub(crate) fn point(&self, u: Vec2) -> Vec2 {
         self.radius * warp::disk(u)
     }
 }
@@ -183,7 +183,7 @@ impl Camera {
         Ray::new(origin, (target - origin).normalize())
     }
 
-    /// Film position of a point that is seen through a [point of the lens](Lens::point), unit direction from it towards that
+    /// Film position of a point that is seen through a point of the lens, unit direction from it towards that
     /// point in world space, and the distance along it to the lens; the inverse of [`Camera::ray_through`], and of
     /// [`Camera::ray`] for a camera without a lens or the middle of one. `None` for points that are not in front of the camera.
     #[inline]

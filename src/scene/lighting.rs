@@ -56,13 +56,13 @@ pub struct Lighting {
 
 impl Lighting {
     /// Share in [0, 1] of the light at the points that is the scene's own; 0 where none arrives.
-    pub fn share(&self) -> f64 {
+    pub(crate) fn share(&self) -> f64 {
         let all = self.own + self.around;
         if all > 0.0 { self.own / all } else { 0.0 }
     }
 
     /// True if the scene's own surfaces are its lamps.
-    pub fn is_lit(&self) -> bool {
+    pub(crate) fn is_lit(&self) -> bool {
         let seen = f64::from(self.points + self.emitting);
         let is_picture = f64::from(self.emitting) > PICTURE * seen;
         let reaches = f64::from(self.reached) >= REACHED * f64::from(self.points);
@@ -73,7 +73,7 @@ impl Lighting {
 impl Scene {
     /// Measures the light of the scene's own surfaces, which has no environment, beside that of `around`, from its first camera
     /// or [`Scene::framing_camera`]. Paths are diffuse and pass glass straight.
-    pub fn lighting(&self, around: &Environment) -> Lighting {
+    pub(crate) fn lighting(&self, around: &Environment) -> Lighting {
         let camera =
             (self.parts.cameras.first().cloned()).unwrap_or_else(|| self.framing_camera(1.0));
         let emitters = (self.parts.materials.iter()).filter(|m| m.emission != Rgb::ZERO);

@@ -98,7 +98,7 @@ pub struct TextureRef {
 }
 
 /// Texture coordinates of a point.
-pub trait Coordinates: Copy {
+pub(crate) trait Coordinates: Copy {
     /// The coordinates that a texture takes.
     fn of(self, map: &TextureRef) -> Vec2;
 }
@@ -335,7 +335,7 @@ impl Material {
     }
 
     /// True if the surface is a pane: a smooth thin wall, which lets light straight through and is dark itself.
-    pub fn is_pane(&self) -> bool {
+    pub(crate) fn is_pane(&self) -> bool {
         !self.solid
             && self.transmission > 0.0
             && self.metallic < 1.0
@@ -345,7 +345,7 @@ impl Material {
     }
 
     /// Probability with which [`Material::bsdf`] chooses the transmissive one of two BSDFs.
-    pub fn transmitted(&self, textures: &[Texture], uv: Vec2) -> f32 {
+    pub(crate) fn transmitted(&self, textures: &[Texture], uv: Vec2) -> f32 {
         let sample = |map: &Option<TextureRef>, channel: usize| {
             map.as_ref()
                 .map_or(1.0, |map| map.sample(textures, uv)[channel])
@@ -469,7 +469,7 @@ impl Material {
 impl TextureRef {
     /// Linear values at texture coordinates `uv`.
     #[inline]
-    pub fn sample(&self, textures: &[Texture], uv: impl Coordinates) -> [f32; 4] {
+    pub(crate) fn sample(&self, textures: &[Texture], uv: impl Coordinates) -> [f32; 4] {
         textures[self.texture as usize].sample(self.transform.transform_point2(uv.of(self)))
     }
 

@@ -21,17 +21,17 @@ pub struct Medium {
 
 impl Medium {
     /// True if nothing is there.
-    pub fn is_vacuum(&self) -> bool {
+    pub(crate) fn is_vacuum(&self) -> bool {
         self.absorption == Rgb::ZERO && self.scattering == Rgb::ZERO
     }
 
     /// True if the medium scatters.
-    pub fn scatters(&self) -> bool {
+    pub(crate) fn scatters(&self) -> bool {
         self.scattering != Rgb::ZERO
     }
 
     /// The phase function.
-    pub fn phase(&self) -> Phase {
+    pub(crate) fn phase(&self) -> Phase {
         Phase {
             mean_cosine: (self.mean_cosine).clamp(-MAX_MEAN_COSINE, MAX_MEAN_COSINE),
         }

@@ -10,33 +10,33 @@ use std::collections::HashMap;
 use std::sync::OnceLock;
 
 pub mod accel;
-pub mod backdrop;
-pub mod bodies;
+pub(crate) mod backdrop;
+pub(crate) mod bodies;
 pub mod camera;
 mod features;
 pub mod finish;
 mod floor;
 mod framing;
-pub mod geometry;
+pub(crate) mod geometry;
 mod instances;
 pub mod lamp;
 pub mod light;
-pub mod lighting;
+pub(crate) mod lighting;
 pub mod limits;
 pub mod load;
 pub mod material;
-pub mod medium;
+pub(crate) mod medium;
 pub mod mesh;
 mod normals;
 pub mod procedural;
-pub mod pyramid;
+pub(crate) mod pyramid;
 
-pub mod sensor;
+pub(crate) mod sensor;
 mod shells;
 
 pub mod texture;
 
-pub use backdrop::Backdrop;
+pub(crate) use backdrop::Backdrop;
 pub use camera::{Camera, FilmSize, Lens};
 pub use features::Features;
 pub use geometry::Geometry;
@@ -160,7 +160,7 @@ pub struct TriangleId(u64);
 impl TriangleId {
     /// A triangle by [`TriangleId::instance`] and [`TriangleId::index`].
     #[inline(always)]
-    pub const fn new(instance: u32, index: u32) -> Self {
+    pub(crate) const fn new(instance: u32, index: u32) -> Self {
         Self((instance as u64) << 32 | index as u64)
     }
 
@@ -291,7 +291,7 @@ impl Scene {
     }
 
     /// The scene in an environment, with the same trees.
-    pub fn surrounded(mut self, environment: Environment) -> Self {
+    pub(crate) fn surrounded(mut self, environment: Environment) -> Self {
         self.parts.environment = Some(environment);
         self.warnings.retain(|warning| warning != light::BLACK);
         self.lights = Lights::new(&self.parts, &self.geometry, &mut self.warnings);
@@ -351,7 +351,7 @@ impl Scene {
     }
 
     /// True if any medium scatters light.
-    pub fn scatters(&self) -> bool {
+    pub(crate) fn scatters(&self) -> bool {
         self.media().is_some_and(Media::scatters)
     }
 
@@ -420,13 +420,13 @@ impl Scene {
     /// a lamp that shows neither.
     /// All other rays meet both sides, so that light is the same with and without.
     #[inline]
-    pub fn hides_back(&self, hit: &Hit, dir: Vec3) -> bool {
+    pub(crate) fn hides_back(&self, hit: &Hit, dir: Vec3) -> bool {
         self.geometry.hides_back(hit.triangle, dir)
     }
 
     /// [`Scene::hides_back`] at a surface point.
     #[inline]
-    pub fn hides_surface(&self, surface: &Surface, dir: Vec3) -> bool {
+    pub(crate) fn hides_surface(&self, surface: &Surface, dir: Vec3) -> bool {
         !surface.is_in_medium() && self.geometry.hides_back(surface.triangle, dir)
     }
 
@@ -446,7 +446,7 @@ impl Scene {
     }
 
     /// The surface that a camera ray shows: that of [`Scene::intersect_seen`], behind boundaries of media.
-    pub fn surface_seen(&self, ray: &Ray) -> Option<(Hit, Surface)> {
+    pub(crate) fn surface_seen(&self, ray: &Ray) -> Option<(Hit, Surface)> {
         let (mut rest, mut before) = (*ray, 0.0);
         for _ in 0..bodies::MAX_SURFACES {
             let hit = self.intersect_seen(&rest)?;
@@ -468,14 +468,14 @@ impl Scene {
 
     /// True if some surface is a [pane](Material::is_pane).
     #[inline]
-    pub fn has_panes(&self) -> bool {
+    pub(crate) fn has_panes(&self) -> bool {
         !self.panes.is_empty()
     }
 
     /// True for a smooth thin wall. Light samples pass it straight, so that its transmission is no scattering: emission
     /// behind it belongs to the vertex before it.
     #[inline]
-    pub fn is_pane(&self, surface: &Surface) -> bool {
+    pub(crate) fn is_pane(&self, surface: &Surface) -> bool {
         self.has_panes() && self.panes[surface.material as usize]
     }
 
@@ -499,7 +499,7 @@ impl Scene {
     /// Transmittance between the ray's origin and its `t_max`: 1, or that of at most `most` panes; `None` if anything else
     /// blocks the ray.
     #[inline]
-    pub fn unblocked(&self, ray: &Ray, most: u32) -> Option<Rgb> {
+    pub(crate) fn unblocked(&self, ray: &Ray, most: u32) -> Option<Rgb> {
         if !self.occluded(ray) {
             return Some(Rgb::ONE);
         }

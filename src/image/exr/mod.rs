@@ -113,7 +113,7 @@ pub struct Layer {
 
 impl Layer {
     /// A colour: `name.R`, `name.G`, `name.B`.
-    pub fn rgb(name: &str, picture: &Buffer) -> Self {
+    pub(crate) fn rgb(name: &str, picture: &Buffer) -> Self {
         Self::vector(name, picture, ["R", "G", "B"])
     }
 

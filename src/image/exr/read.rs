@@ -31,7 +31,7 @@ pub fn read_film(path: &Path) -> Result<Film, FileError> {
 
 impl Layers {
     /// The film of a file that was read from `path`, as [`read_film`] gives it.
-    pub fn film(&self, path: &Path) -> Result<Film, FileError> {
+    pub(crate) fn film(&self, path: &Path) -> Result<Film, FileError> {
         film_of(self).map_err(|e| e.at(path))
     }
 }

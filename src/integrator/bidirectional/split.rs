@@ -63,14 +63,7 @@ impl Event {
             // The coat dims both lobes of its base alike.
             Bsdf::Clearcoated(coated) => return Self::between(&coated.base(), alpha, directions),
             Bsdf::Diffuse(_) | Bsdf::Sheen(_) => return BASE,
-            Bsdf::Glossy(lobe) => lobe.albedo,
-            Bsdf::Anisotropic(lobe) => lobe.isotropic().albedo,
-            Bsdf::Exact(lobe) => lobe.albedo(),
-            Bsdf::Iridescent(lobe) => match lobe.base() {
-                Bsdf::Glossy(lobe) => lobe.albedo,
-                _ => Rgb::ZERO,
-            },
-            _ => Rgb::ZERO,
+            _ => bsdf.base_albedo(),
         };
         if base == Rgb::ZERO {
             return Self {

@@ -86,11 +86,7 @@ impl Vertex {
     #[inline]
     pub(super) fn scatters_to(&self, out: Vec3) -> bool {
         let ng = self.surface.ng;
-        let opaque = matches!(
-            self.bsdf,
-            Bsdf::Diffuse(_) | Bsdf::Glossy(_) | Bsdf::Anisotropic(_) | Bsdf::Exact(_)
-        );
-        !opaque || self.back.dot(ng) * out.dot(ng) > 0.0
+        !self.bsdf.is_opaque() || self.back.dot(ng) * out.dot(ng) > 0.0
     }
 
     /// At a vertex of a camera walk: the value for light from `out`, and the density with which the walk draws it;

@@ -45,7 +45,7 @@ impl Real for f64 {}
 
 /// Least cosine in a change of measure: at grazing angles no number overflows. Both walks and all closings use the same,
 /// so that the weights of a path still sum to 1.
-pub const MIN_COS: f32 = 1e-6;
+pub(crate) const MIN_COS: f32 = 1e-6;
 
 /// The running numbers of a walk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -129,7 +129,7 @@ pub struct End<T> {
 
 /// Clamps an absolute cosine to [`MIN_COS`].
 #[inline]
-pub fn clamped(cos: f32) -> f32 {
+pub(crate) fn clamped(cos: f32) -> f32 {
     cos.abs().max(MIN_COS)
 }
 

@@ -28,7 +28,7 @@ use field::Field;
 use std::ops::Range;
 
 /// Samples of the iterations: 1 + 2 + 4 + … The guide stays as it is after them.
-pub const LEARNING: u32 = 255;
+pub(crate) const LEARNING: u32 = 255;
 
 /// Pixels a side of the tiles that threads take.
 const TILE: u32 = 16;
@@ -60,7 +60,7 @@ struct State {
 }
 
 /// Bytes that a guide may take beside the film of a picture with this number of pixels.
-pub fn bytes(pixels: usize) -> u64 {
+pub(crate) fn bytes(pixels: usize) -> u64 {
     let batch = pixels.min(BATCH * (TILE * TILE) as usize) as u64;
     Field::MAX_BYTES + batch * RECORD_BYTES
 }

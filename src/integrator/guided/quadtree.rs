@@ -89,7 +89,7 @@ fn enter(p: &mut Vec2) -> usize {
 impl Quadtree {
     /// True if nothing was added: there is no density.
     #[inline]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.nodes[0].total() <= 0.0
     }
 

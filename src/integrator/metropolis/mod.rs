@@ -27,7 +27,7 @@ use chain::{LARGE, Means, Numbers, Sources, Target};
 use std::ops::Range;
 
 /// Mutations per pixel of a pass where nobody says otherwise.
-pub const MUTATIONS: u32 = 16;
+pub(crate) const MUTATIONS: u32 = 16;
 
 /// Mutations for every sample of the bootstrap, and bounds of their number: all pixels of a pass share the noise of its mean.
 const PER_BOOTSTRAP: u64 = 4;
@@ -65,7 +65,7 @@ const CONTRAST: (f64, f64) = (0.05, 20.0);
 
 /// Metropolis light transport.
 #[derive(Clone, Debug)]
-pub struct Metropolis {
+pub(crate) struct Metropolis {
     /// Path sampler of the chains; no merging.
     pub base: Bidirectional,
     /// Mutations per pixel of a pass, at least 1.
@@ -167,7 +167,7 @@ impl Target for PairTarget<'_> {
 
 impl Metropolis {
     /// Metropolis light transport with this number of mutations per pixel of a pass.
-    pub fn new(base: Bidirectional, mutations: u32) -> Self {
+    pub(crate) fn new(base: Bidirectional, mutations: u32) -> Self {
         Self {
             base,
             mutations,

@@ -41,7 +41,7 @@ pub struct PathTracer<R> {
 
 impl<R> PathTracer<R> {
     /// The same with another rule.
-    pub fn with<Q>(&self, rule: Q) -> PathTracer<Q> {
+    pub(crate) fn with<Q>(&self, rule: Q) -> PathTracer<Q> {
         PathTracer {
             max_vertices: self.max_vertices,
             roulette_start: self.roulette_start,

@@ -23,11 +23,11 @@ pub(super) mod cone;
 mod dispersion;
 pub(super) mod features;
 mod media;
-pub mod observer;
+pub(crate) mod observer;
 pub(super) mod pending_emission;
-pub mod roughening;
+pub(crate) mod roughening;
 mod roulette;
-pub mod shading_point;
+pub(crate) mod shading_point;
 
 use crate::bsdf::{Bsdf, Lobe};
 use crate::math::{Frame, Ray, Rgb, Vec3};

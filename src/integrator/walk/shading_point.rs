@@ -51,7 +51,7 @@ struct FoundEmission {
 impl ShadingPoint<'_> {
     /// True if a rule has changed the roughness at next-event estimation.
     #[inline]
-    pub fn is_roughened(&self) -> bool {
+    pub(crate) fn is_roughened(&self) -> bool {
         self.alpha_reg > self.alpha
     }
 

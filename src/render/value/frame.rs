@@ -31,7 +31,7 @@ pub enum Size {
 
 impl Size {
     /// The size, where the picture has `whole` without being asked for one.
-    pub fn of(self, whole: UVec2) -> UVec2 {
+    pub(crate) fn of(self, whole: UVec2) -> UVec2 {
         let scaled =
             |share: f64, side: u32| ((share * f64::from(side)).round() as u32).clamp(1, 65536);
         match self {

@@ -34,7 +34,7 @@ impl TableChoice {
     }
 
     /// True for a table of factors that are looked up, not one factor.
-    pub fn has_classes(&self) -> bool {
+    pub(crate) fn has_classes(&self) -> bool {
         !matches!(self, Self::Factor(_))
     }
 
@@ -229,7 +229,7 @@ pub struct Layers(pub Vec<Aov>);
 
 impl Layers {
     /// Layers of a render with layers that names none.
-    pub const USUAL: &'static str = "albedo,normal,depth";
+    pub(crate) const USUAL: &'static str = "albedo,normal,depth";
 }
 
 impl Field for Layers {

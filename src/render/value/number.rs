@@ -226,7 +226,7 @@ pub enum Moment {
 
 impl Moment {
     /// Seconds from the start of the animations.
-    pub fn seconds(self) -> f64 {
+    pub(crate) fn seconds(self) -> f64 {
         match self {
             Self::Seconds(seconds) => seconds,
             Self::Frame(frame, fps) => frame / fps,

@@ -7,29 +7,27 @@ pub struct Range {
     pub(super) most: f64,
     /// False for a bound that is itself left out.
     closed: [bool; 2],
-    unit: &'static str,
 }
 
 impl Range {
     /// Every finite number.
     pub const FINITE: Self = Self::from(f64::MIN, f64::MAX);
     /// Above 0.
-    pub const POSITIVE: Self = Self::between(0.0, f64::MAX);
+    pub(crate) const POSITIVE: Self = Self::between(0.0, f64::MAX);
     /// From 1 on.
-    pub const COUNT: Self = Self::from(1.0, f64::MAX);
+    pub(crate) const COUNT: Self = Self::from(1.0, f64::MAX);
 
     /// Both bounds included.
-    pub const fn from(least: f64, most: f64) -> Self {
+    pub(crate) const fn from(least: f64, most: f64) -> Self {
         Self {
             least,
             most,
             closed: [true; 2],
-            unit: "",
         }
     }
 
     /// Both bounds left out.
-    pub const fn between(least: f64, most: f64) -> Self {
+    pub(crate) const fn between(least: f64, most: f64) -> Self {
         Self {
             closed: [false; 2],
             ..Self::from(least, most)
@@ -37,16 +35,11 @@ impl Range {
     }
 
     /// The upper bound included, the lower left out.
-    pub const fn above(least: f64, most: f64) -> Self {
+    pub(crate) const fn above(least: f64, most: f64) -> Self {
         Self {
             closed: [false, true],
             ..Self::from(least, most)
         }
-    }
-
-    /// Numbers of this unit.
-    pub const fn of(self, unit: &'static str) -> Self {
-        Self { unit, ..self }
     }
 
     pub(super) fn holds(&self, x: f64) -> bool {
@@ -62,16 +55,14 @@ impl Range {
             least,
             most,
             closed,
-            unit,
         } = *self;
-        let bounds = match (least == f64::MIN, most == f64::MAX, closed) {
+        match (least == f64::MIN, most == f64::MAX, closed) {
             (true, ..) => String::new(),
             (_, true, [true, _]) => format!(" of at least {least}"),
             (_, true, [false, _]) => format!(" above {least}"),
             (_, _, [true, _]) => format!(" from {least} to {most}"),
             (_, _, [false, true]) => format!(" above {least} and at most {most}"),
             (_, _, [false, false]) => format!(" between {least} and {most}"),
-        };
-        format!("{bounds}{unit}")
+        }
     }
 }

@@ -186,7 +186,7 @@ impl Accel {
     }
 
     /// Lower and upper corner of all triangles and instances; both zero if there are none.
-    pub fn bounds(&self) -> (Vec3, Vec3) {
+    pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
         self.tree.bounds
     }
 }

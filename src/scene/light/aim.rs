@@ -9,7 +9,7 @@ use crate::math::{Frame, Ray, Vec2, Vec3, warp};
 use std::f32::consts::{PI, TAU};
 
 /// Least share of uniform emission: what no target covers has at most twice its variance.
-pub const MIN_UNIFORM: f32 = 0.5;
+pub(crate) const MIN_UNIFORM: f32 = 0.5;
 
 /// Relative rounding error of the distance of a ray from a centre, over the centre's distance from the ray's origin.
 const SLACK: f32 = 1e-6;
@@ -56,7 +56,7 @@ impl Aim {
 
     /// The beam of a light, if it is aimed.
     #[inline]
-    pub fn beam(&self, light: usize) -> Option<&Beam> {
+    pub(crate) fn beam(&self, light: usize) -> Option<&Beam> {
         let beam = *self.of_light.get(light)?;
         self.beams[usize::from(beam)].as_ref()
     }
@@ -118,7 +118,7 @@ impl Target {
 }
 
 impl Beam {
-    /// A beam with these shares at its targets, all together at most 1 − [`MIN_UNIFORM`].
+    /// A beam with these shares at its targets, all together at most 1 − `MIN_UNIFORM`.
     pub fn new(targets: Vec<(Target, f32)>) -> Self {
         let aimed: f32 = targets.iter().map(|(_, share)| share).sum();
         debug_assert!(aimed <= 1.0 - MIN_UNIFORM + 1e-5);
@@ -126,11 +126,6 @@ impl Beam {
             uniform: 1.0 - aimed,
             targets,
         }
-    }
-
-    /// Its targets and their shares.
-    pub fn targets(&self) -> &[(Target, f32)] {
-        &self.targets
     }
 
     /// Density per area across a ray of light from infinity, where uniform emission has `uniform`.

@@ -51,7 +51,7 @@ pub(super) struct Numbers {
 impl EmissionSample {
     /// Factor of the throughput at this distance: the window with which `[glTF]` ends a light of limited range.
     #[inline]
-    pub fn window(&self, distance: f32) -> f32 {
+    pub(crate) fn window(&self, distance: f32) -> f32 {
         punctual::window(distance, self.range)
     }
 }
@@ -158,7 +158,7 @@ impl Lights {
 
     /// Densities of an emission sample's ray, of the position across for light at infinity and of the direction otherwise: of
     /// uniform emission, and of each target.
-    pub fn pdf_parts(&self, start: &EmissionSample, targets: &[Target]) -> (f32, Vec<f32>) {
+    pub(crate) fn pdf_parts(&self, start: &EmissionSample, targets: &[Target]) -> (f32, Vec<f32>) {
         let k = start.light as usize;
         if start.pdf.infinite {
             let part = |target: &Target| target.pdf_across(&start.ray);
@@ -182,7 +182,7 @@ impl Lights {
 
     /// Groups of lights that may share a beam, at most `most` of at least 3: area lights by mesh, each light without area, the
     /// environment. Group of each light.
-    pub fn groups(&self, geometry: &Geometry, most: u8) -> Vec<u8> {
+    pub(crate) fn groups(&self, geometry: &Geometry, most: u8) -> Vec<u8> {
         let mut groups = Vec::with_capacity(self.len());
         let (mut group, mut last) = (0, None);
         let next = |group: u8, limit: u8| (group + 1).min(limit - 1);
@@ -207,7 +207,7 @@ impl Lights {
 
     /// Probability with which light sampling from `from` draws a light, over that of emission sampling.
     #[inline]
-    pub fn sampling_over_emission(&self, light: u32, from: Vec3) -> f32 {
+    pub(crate) fn sampling_over_emission(&self, light: u32, from: Vec3) -> f32 {
         match &self.many {
             None => 1.0,
             Some(many) => many.pmf(light as usize, from) / self.emission_pmf(light as usize),

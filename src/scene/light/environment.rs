@@ -151,7 +151,7 @@ impl Environment {
 
     /// Density of [`Environment::sample`] per steradian: the same everywhere in a texel.
     #[inline]
-    pub fn pdf(&self, dir: Vec3) -> f32 {
+    pub(crate) fn pdf(&self, dir: Vec3) -> f32 {
         self.texels.as_ref().map_or(0.0, |texels| {
             let cell = self.texel(dir);
             texels.pmf(cell) / self.solid_angles[cell[1]]

@@ -4,9 +4,9 @@
 //! [`Lights`] owns copies of what it samples (emissive triangles, their materials, lights without area, the
 //! environment; texels and maps are shared), so that light sampling never asks the scene back.
 
-pub mod aim;
+pub(crate) mod aim;
 mod area;
-pub mod emission;
+pub(crate) mod emission;
 mod environment;
 mod many;
 mod punctual;
@@ -136,7 +136,7 @@ pub struct Lights {
 
 impl Lights {
     /// Collects the lights and builds the distributions over them.
-    pub fn new(parts: &SceneParts, geometry: &Geometry, warnings: &mut Vec<String>) -> Self {
+    pub(crate) fn new(parts: &SceneParts, geometry: &Geometry, warnings: &mut Vec<String>) -> Self {
         let (low, high) = geometry.bounds();
         // Light from infinity enters the scene through a disk of the scene's radius.
         let disk = f64::from(PI * (0.25 * low.distance_squared(high)).max(1e-12));
@@ -178,7 +178,8 @@ impl Lights {
     }
 
     /// Index of an emissive triangle among the lights, once they are [indexed](Lights::index).
-    pub fn light_of(&self, surface: &Surface) -> Option<usize> {
+    #[cfg(test)]
+    pub(crate) fn light_of(&self, surface: &crate::scene::Surface) -> Option<usize> {
         self.area.place(surface.triangle)
     }
 
@@ -188,7 +189,7 @@ impl Lights {
     }
 
     /// Radius of the sphere round the scene, through which light from infinity enters.
-    pub fn reach(&self) -> f32 {
+    pub(crate) fn reach(&self) -> f32 {
         self.sphere.radius()
     }
 
@@ -287,7 +288,7 @@ impl Lights {
 
     /// The same density per area.
     #[inline]
-    pub fn pdf_a_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
+    pub(crate) fn pdf_a_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
         match &self.many {
             None => self.area.pdf_by_power(surface.triangle),
             Some(many) => (self.area.place(surface.triangle))

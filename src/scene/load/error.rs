@@ -34,7 +34,7 @@ impl Fault {
 }
 
 /// The place of the `i`-th element of a list, with its name if it has one.
-pub fn place(list: &str, i: usize, name: Option<&String>) -> String {
+pub(crate) fn place(list: &str, i: usize, name: Option<&String>) -> String {
     match name {
         Some(name) if !name.is_empty() => format!("{list}[{i}] (`{name}`)"),
         _ => format!("{list}[{i}]"),
@@ -60,7 +60,7 @@ const NAMES: usize = 3;
 
 impl Warnings {
     /// Adds a warning, once.
-    pub fn say(&mut self, line: impl Into<String>) {
+    pub(crate) fn say(&mut self, line: impl Into<String>) {
         let line = line.into();
         if self.said.insert(line.clone()) {
             self.lines.push(Line::Plain(line));

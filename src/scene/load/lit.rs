@@ -9,7 +9,7 @@ pub enum FileLight {
     /// None. Unlit materials are pictures, not lamps.
     None,
     /// Surfaces that emit: lamps or decoration. What they light in the scene decides, see
-    /// [`Scene::lighting`](crate::scene::Scene::lighting).
+    /// `Scene::lighting`.
     Surfaces,
     /// Lamps that someone has put there, or surroundings.
     Lamps,

@@ -26,7 +26,7 @@ use super::{Camera, Material, Mesh, SceneParts};
 use crate::bsdf::Distribution;
 use crate::files::{self, FileError, Problem};
 use accessors::Data;
-pub use animation::Animation;
+pub(crate) use animation::Animation;
 use codecs::{Buffers, Codec, Part, is_placeholder};
 use error::{Result, Warnings, fault, place};
 pub use extensions::SUPPORTED;
@@ -121,7 +121,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, F
 }
 
 /// The cameras of a glTF file at a moment of its animations, in seconds: all that changes where these
-/// [move cameras alone](Animation::of_cameras).
+/// move cameras alone.
 pub fn cameras_at(
     path: &Path,
     seconds: f64,

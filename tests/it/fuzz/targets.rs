@@ -15,6 +15,7 @@ use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Recorded, Settings
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
 use opsr::scene::load::{LoadOptions, Unsupported, load};
+use opsr::scene::texture::Texels;
 use opsr::scene::{Camera, Environment, Scene};
 use opsr_lab::report::bench::page::page;
 use opsr_lab::report::bench::{Results, Suite, summary};
@@ -672,7 +673,11 @@ pub(crate) fn textures() -> Target {
             let texture = &loaded.parts.textures[0];
             let (width, height) = (texture.width as usize, texture.height as usize);
             let channels = usize::from(texture.channels);
-            assert_eq!(texture.texels.len(), width * height * channels);
+            let values = match &texture.texels {
+                Texels::Byte(codes) => codes.len(),
+                Texels::Word(codes) => codes.len(),
+            };
+            assert_eq!(values, width * height * channels);
             let texels = (0..texture.height).flat_map(|y| (0..texture.width).map(move |x| (x, y)));
             let opaque = texels
                 .map(|(x, y)| texture.texel(x, y))
