@@ -3,7 +3,7 @@
 //! The noise of an estimator does not show light that it has missed. Roughened paths meet the light of
 //! caustics and of lamps behind glass soon, at nearly the right energy but not quite at the right place. So the witness speaks where the
 //! whole picture is darker than its own by more than both noises and what roughening changes, and where some part of it is darker
-//! by more than the darkest of so many parts is by chance. One bright sample is one standard error: twenty are needed.
+//! by more than the darkest of all parts is by chance. One bright sample is one standard error: twenty are needed.
 //!
 //! Its samples have random numbers of their own and depend on seed and pixel alone, their number on that of the picture's: what
 //! it says of a picture is the same however the render was cut, and no pixel changes.

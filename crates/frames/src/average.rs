@@ -40,7 +40,7 @@ const REGION: usize = 4;
 /// Factor on the squared difference of a region: a difference that many pixels share is seen where noise is not.
 const REGION_WEIGHT: f32 = 4.0;
 
-/// Pixels of a resolved picture whose noise is one: blurs and photons are shared by so many.
+/// Pixels of a resolved picture with the noise of one: they share blurs and photons.
 const CORRELATED: f32 = 16.0;
 
 /// Part of the mean of the picture that is added to brightness in squares.

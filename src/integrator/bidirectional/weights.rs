@@ -50,7 +50,7 @@ pub(crate) const MIN_COS: f32 = 1e-6;
 /// The running numbers of a walk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Partial<T> {
-    /// Reciprocal density of the last vertex, as far as the last edge can be cut by a connection.
+    /// Reciprocal density of the last vertex; 0 if no connection can cut the last edge.
     pub vcm: T,
     /// Densities of all strategies that cut an earlier edge or merge before, over this walk's.
     pub vc: T,

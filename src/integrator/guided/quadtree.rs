@@ -20,8 +20,8 @@ const MAX_NODES: usize = 256;
 pub(super) const MAX_TREE_BYTES: usize =
     MAX_NODES * (2 * size_of::<Node>() + size_of::<[f64; 4]>());
 
-/// Records that every quarter of a node has beside those that were found, with their mean value: so many directions that
-/// nothing is known of keep a chance.
+/// Records that every quarter of a node has beside those that were found, with their mean value: unknown
+/// directions keep a chance.
 const PRIOR: f64 = 1.0;
 
 /// Four quarters of a square: those of less x first, of less y before the others.

@@ -177,7 +177,7 @@ pub(super) struct Sources {
 ///
 /// With the first state as in [`Sources`], E over bootstrap and chain of a sum of values is exactly their integral: a
 /// proposal is drawn with density I/b by the chain and, with probability p, uniformly by a large step. Both are weighed by
-/// the balance heuristic, with b₀ in place of b (after Kelemen et al. 2002, (9)), and with the bootstrap as so many more
+/// the balance heuristic, with b₀ in place of b (after Kelemen et al. 2002, (9)), and with the bootstrap as further
 /// large steps, whose values the caller adds.
 pub(super) fn run(
     target: &mut impl Target,

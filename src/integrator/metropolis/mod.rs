@@ -8,8 +8,8 @@
 //! of a pass is exact, whatever the chains' length (`chain`); resuming, splitting and threads change no bit; variance
 //! layers are honest; and a chain that is stuck ends with the pass.
 //!
-//! The target of the chains is luminance over that of the neighbourhood in the picture, as far as a first bootstrap knows
-//! it `[Hoberock10]`: relative errors of dark and bright pixels are alike. Any positive target is right.
+//! The target of the chains is luminance over that of the neighbourhood in the picture, estimated by a first
+//! bootstrap `[Hoberock10]`: relative errors of dark and bright pixels are alike. Any positive target is right.
 
 mod chain;
 
