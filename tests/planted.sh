@@ -78,7 +78,7 @@ plant "8 Fresnel with a difference of squares" src/bsdf/fresnel.rs \
     's/\(eta - 1\.0\) \* \(eta \+ 1\.0\) \+ cos \* cos/eta * eta * (1.0 - (1.0 - cos * cos) \/ (eta * eta))/' \
     stability::case_8_fresnel_and_interfaces
 plant "9 sides by the shading normal" src/integrator/walk/shading_point.rs \
-    's/light\.wi\.dot\(self\.surface\.ng\) \* wi\.z <= 0\.0/false/' \
+    's/light\.wi\.dot\(self\.surface\.ng\) \* wi\.z > 0\.0/true/' \
     stability::cases_9_and_10_light_leaks
 plant "9 normals bent to the mirror horizon of the view" src/scene/normals.rs \
     's/\(c \+ least\) \* ng/(c - least) * ng/' \
@@ -204,6 +204,12 @@ plant "one level: discs of fireflies" src/resolve/tiles.rs \
     's/self\.cap\(&mut only\);//' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
 plant "one level: discs of glints" src/resolve/tiles.rs \
     's/GLINT: f32 = 1\.2/GLINT: f32 = 1e9/' lib::resolve::tests::one_level_blurs_reflections_without_their_glints
+plant "photons: light of the first level alone" src/pilot/photons.rs \
+    's/for level in 1\.\.levels\.map_or/for level in 9..levels.map_or/' lib::pilot::photons::tests::light_of_the_best_level_counts
+plant "photons: pictures are one" src/pilot/photons.rs \
+    's/\(mean, squares \/ \(n \* \(n - 1\.0\)\)\)/(mean, squares \/ (n * n * n))/' lib::pilot::photons::tests::one_bright_picture_is_no_proof
+plant "photons: every region counts as the first" src/pilot/photons.rs \
+    's/\(y \* grid\.y \/ frame\.y \* grid\.x \+ x/(0 * y * grid.x + x/' lib::pilot::photons::tests::light_that_small_pictures_have_and_a_picture_misses_is_found
 plant "film: no light counts as wrong" crates/frames/src/average.rs \
     's/difference - wide\.variance_of_difference\(narrow\)/-wide.variance_of_difference(narrow)/' \
     frames::tests::moving_shadow_is_not_smeared

@@ -9,6 +9,7 @@
 //! Work is counted in camera paths, each sample at what it costs in most scenes, so that a choice depends on its arguments alone.
 
 mod judge;
+mod photons;
 pub mod stopwatch;
 pub(crate) mod window;
 pub mod witness;

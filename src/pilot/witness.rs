@@ -8,7 +8,7 @@
 //! Its samples have random numbers of their own and depend on seed and pixel alone, their number on that of the picture's: what
 //! it says of a picture is the same however the render was cut, and no pixel changes.
 
-use super::advise;
+use super::{advise, photons};
 use crate::image::exr::Metadata;
 use crate::image::film::{Film, Window};
 use crate::integrator::method::IntegratorKind;
@@ -82,7 +82,7 @@ impl fmt::Display for Missing {
 }
 
 /// Samples per pixel of the witness of a render with this number of samples; 0 where it finds nothing: for several levels,
-/// whose roughest is one, for roughened paths, for scenes without anything glossy, and for renders that are too short.
+/// whose roughest is no better, for roughened paths, for scenes without anything glossy, and for renders that are too short.
 fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
     let roughened = settings.rule != Rule::Plain;
     // Roughened phase functions do not keep the light of a picture.
@@ -131,7 +131,7 @@ pub fn missing_light(
 ) -> Option<Missing> {
     let count = samples_beside(view, settings, samples);
     if count == 0 {
-        return None;
+        return photons::missing_light(view, settings, picture, samples);
     }
     let witness = Settings {
         estimator: Estimator::Path { reuse: false },

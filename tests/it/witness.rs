@@ -6,9 +6,11 @@ use opsr::image::film::{Film, Window};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
 use opsr::integrator::{Picture, Settings, View};
-use opsr::math::UVec2;
+use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::pilot::witness::{Missing, missing_light};
-use opsr::scene::Scene;
+use opsr::scene::procedural::materials::{diffuse, glass};
+use opsr::scene::procedural::shapes::{quad, sphere};
+use opsr::scene::{Environment, PunctualLight, Scene, SceneParts};
 use opsr_lab::gallery::builtin;
 
 fn view(scene: &Scene, side: u32) -> View<'_> {
@@ -25,7 +27,7 @@ fn settings(kind: IntegratorKind, seed: u64) -> Settings {
     }
 }
 
-/// What a picture of so many samples lacks.
+/// Light that a picture of this number of samples misses.
 fn missing(scene: &Scene, settings: &Settings, side: u32, samples: u32) -> Option<Missing> {
     let view = view(scene, side);
     let mut picture = Picture::new(Film::new(view.sensor.frame));
@@ -44,6 +46,57 @@ fn witness_finds_light_that_an_integrator_lacks() {
             assert!(found.share > 0.1 && found.finder == Vcm, "{name}: {found}");
         }
     }
+}
+
+/// A point light in a globe of glass above a floor, under a sky. No camera path finds the light.
+fn globe() -> Scene {
+    let mut parts = SceneParts::default();
+    let floor = quad(Vec3::new(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0);
+    parts.add(diffuse("floor", Rgb::splat(0.5)), [floor]);
+    let globe = sphere(Vec3::Y, 0.4, 3);
+    parts.add(glass("globe", 1.5, 0.0), [globe]);
+    parts.lights.push(PunctualLight::Point {
+        position: Vec3::Y,
+        intensity: Rgb::splat(2.0),
+        range: f32::INFINITY,
+    });
+    parts.environment = Some(Environment::constant(Rgb::splat(0.2)));
+    parts.add_camera([0.0, 2.5, 4.0], [0.0, 0.3, 0.0], 45.0);
+    scene(parts)
+}
+
+/// Pictures that are too short for roughened paths.
+#[test]
+fn photons_find_light_that_a_short_render_misses() {
+    let scene = globe();
+    for seed in 1..=3 {
+        let found = missing(&scene, &settings(Path, seed), 48, 48);
+        let found = found.unwrap_or_else(|| panic!("seed {seed}"));
+        assert!(found.share > 0.2 && found.finder == Vcm, "{found}");
+    }
+    // Photons are no witness of themselves, and cost too much beside less.
+    assert_eq!(missing(&scene, &settings(Vcm, 1), 48, 12), None);
+    assert_eq!(missing(&scene, &settings(Path, 1), 48, 24), None);
+}
+
+/// The stated error counts what is missing. Levels find the light through roughened glass: nothing is missing from them.
+#[test]
+fn short_renders_state_what_photons_find() {
+    let scene = globe();
+    let render = |spp| Render::new(&scene).size(64, 64).spp(spp);
+    let path = |spp| {
+        let path = render(spp).with(|spec| spec.integrator = Some(Path));
+        path.run().expect("a picture")
+    };
+    let (short, long) = (path(8), path(64));
+    assert_eq!(short.outcome.missing, None);
+    let found = long.outcome.missing.as_ref().expect("light is missing");
+    assert!(found.share > 0.2 && found.finder == Vcm, "{found}");
+    let [short, long] = [short.statement().mean, long.statement().mean];
+    assert!(long > short + 0.15, "{short} and {long}");
+    let levels = render(64).table("beta-0.001").expect("a table");
+    let levels = levels.run().expect("a picture");
+    assert_eq!(levels.outcome.missing, None);
 }
 
 /// A program's own render says so too, and the file of its picture.
@@ -67,7 +120,7 @@ fn render_of_a_program_has_the_witness() {
 }
 
 /// Pictures that have all light, to noise.
-const WHOLE: [(&str, IntegratorKind, u32); 8] = [
+const WHOLE: [(&str, IntegratorKind, u32); 12] = [
     ("caustic-box", Vcm, 100),
     ("three-boxes", Vcm, 100),
     ("sun-pool", Vcm, 100),
@@ -76,6 +129,11 @@ const WHOLE: [(&str, IntegratorKind, u32); 8] = [
     ("sun-through-pane", Path, 400),
     ("ring-under-lamp", Bdpt, 120),
     ("street-lamp", Path, 400),
+    // Beside photons.
+    ("glossy_corridor", Path, 120),
+    ("sun-through-pane", Path, 120),
+    ("street-lamp", Path, 120),
+    ("three-boxes", Path, 120),
 ];
 
 fn false_alarms(seeds: u64) -> Vec<String> {
