@@ -81,7 +81,9 @@ fn light_that_small_pictures_have_and_a_picture_misses_is_found() {
         assert!((0.08..0.22).contains(&found.share), "{seed}: {found}");
         let pixel = found.pixel;
         assert!(pixel.x < 20 && pixel.y < 20, "{seed}: {found}");
-        assert!(found.squares[0] > 0.2, "{seed}: {}", found.squares[0]);
+        // Beside the first pixel much is missing, beside that of the last row less.
+        let [first, last_row] = [found.squares[0], found.squares[29 * 40]];
+        assert!(first > 0.2 && first > 2.0 * last_row, "{first}, {last_row}");
         assert_eq!(found.squares.last(), Some(&0.0), "{seed}");
         assert_eq!(found.finder, IntegratorKind::Vcm);
     }

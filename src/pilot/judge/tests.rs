@@ -1,0 +1,120 @@
+use super::*;
+use crate::math::UVec2;
+
+const AREA: bool = false;
+const POINT: bool = true;
+use IntegratorKind::{Bdpt, Path, Sppm, Vcm};
+
+fn draft(kind: IntegratorKind, cost: f64, mean: f64, variance: f64) -> Draft {
+    Draft {
+        kind,
+        plain: true,
+        levels: false,
+        samples: 16.0,
+        cost,
+        mean: vec![mean; 1024],
+        variance: vec![variance; 1024],
+    }
+}
+
+fn levels(mean: f64, variance: f64) -> Draft {
+    Draft {
+        plain: false,
+        levels: true,
+        ..draft(Path, 1.0, mean, variance)
+    }
+}
+
+fn trials(drafts: &[Draft], time: f64, punctual: bool) -> Vec<Trial> {
+    judged(drafts, Window::full(UVec2::splat(32)), time, punctual)
+}
+
+#[test]
+fn pilot_weighs_noise_and_cost() {
+    let drafts = [draft(Path, 1.0, 1.0, 4.0), draft(Bdpt, 2.0, 1.0, 1.0)];
+    let found = trials(&drafts, 800.0, AREA);
+    // Relative error of a picture of ones.
+    assert!((found[0].error.powi(2) - 4.0 / 800.0 / 1.01).abs() < 1e-12);
+    assert!((found[1].error.powi(2) - 0.5 * found[0].error.powi(2)).abs() < 1e-12);
+    assert!(found.iter().all(|t| t.missed == 0.0));
+    // Half is not clearly less, a fifth is.
+    assert_eq!(best(&found, 0), Some(0));
+    let [path, _] = drafts;
+    let found = trials(&[path, draft(Bdpt, 2.0, 1.0, 0.4)], 800.0, AREA);
+    assert_eq!(best(&found, 0), Some(1));
+}
+
+#[test]
+fn pilot_counts_missing_light() {
+    // A path tracer that is dark for want of light has no noise and the largest error.
+    let drafts = [draft(Path, 1.0, 0.0, 0.0), draft(Vcm, 8.0, 1.0, 0.5)];
+    for (punctual, missed) in [(POINT, 0.9), (AREA, -0.1)] {
+        let found = trials(&drafts, 1600.0, punctual);
+        assert!(found[0].error > 10.0 * found[1].error, "{found:?}");
+        assert!(found[0].missed > missed);
+        assert_eq!(best(&found, 0), Some(1));
+    }
+    // Light that can be found is found in time; light that cannot is not.
+    let long = |punctual| trials(&drafts, 1e7, punctual)[0].error;
+    assert!(long(AREA) < 0.1 && long(POINT) > 0.7);
+    // A picture that lacks light is no bargain.
+    let drafts = [draft(Path, 1.0, 0.7, 1e-3), draft(Vcm, 8.0, 1.0, 10.0)];
+    let found = trials(&drafts, 16.0, POINT);
+    assert!(found[0].missed > 0.01);
+    assert_eq!(best(&found, 0), Some(1));
+}
+
+/// A picture that has met few of its bright samples looks free of noise. More strategies have no more variance, and the
+/// scene needs them.
+#[test]
+fn pilot_knows_whose_strategies_are_part_of_others() {
+    let drafts = [
+        draft(Path, 1.0, 1.0, 0.001),
+        draft(Bdpt, 1.0, 1.0, 1.0),
+        draft(Vcm, 1.0, 1.0, 1.2),
+        draft(Sppm, 1.0, 1.0, 0.0),
+        levels(1.0, 0.01),
+    ];
+    let found = trials(&drafts, 16.0, AREA);
+    for trial in &found[..4] {
+        let of_sample = trial.error.powi(2) * trial.samples * 1.01;
+        assert!((of_sample - 1.2).abs() < 1e-9, "{trial:?}");
+    }
+    // Roughened paths have less, which is no proof that they have met everything.
+    assert!(found[4].error < 0.2 * found[2].error);
+    assert_eq!(best(&found, 2), Some(2));
+    assert_eq!(best(&found, 0), Some(4));
+}
+
+/// Ten bright samples, in whichever contender, never speak for one of fewer strategies.
+#[test]
+fn no_ten_fireflies_decide() {
+    for kind in [Path, Bdpt, Vcm] {
+        let mut drafts = [
+            draft(Path, 1.0, 1.0, 1.0),
+            draft(Bdpt, 2.5, 1.0, 0.6),
+            draft(Vcm, 3.0, 1.0, 0.5),
+            levels(1.0, 0.8),
+        ];
+        for draft in drafts.iter_mut().filter(|d| d.kind == kind && !d.levels) {
+            for pixel in (0..1000).step_by(100) {
+                (draft.mean[pixel], draft.variance[pixel]) = (1e3, 1e8);
+            }
+        }
+        let found = trials(&drafts, 800.0, AREA);
+        assert_eq!(best(&found, 2), Some(2), "{kind:?}: {found:?}");
+    }
+}
+
+/// The bright sample of one contender must not make its own pixel look bright, and its error small.
+#[test]
+fn pilot_takes_the_radiance_that_most_contenders_show() {
+    let mut bright = draft(Path, 1.0, 1.0, 1.0);
+    bright.mean[5] = 1e3;
+    let drafts = [
+        bright,
+        draft(Bdpt, 1.0, 1.0, 1.0),
+        draft(Vcm, 1.0, 1.0, 1.0),
+    ];
+    assert_eq!(radiance(&drafts, AREA)[5], 1.0);
+}
