@@ -6,7 +6,8 @@
 
 A line for each method and number of samples, over the scenes of the folder: the geometric mean of FLIP; stated over true error, least,
 median, most, and how many are within 0.67 to 1.5; Spearman's rank correlation of the map with the true error of pixels and of tiles of 8
-pixels; the share of the tiles whose map is within 0.67 to 1.5 of their true error; the mean of the map over the number, least and most. What the reference errs is taken from the true error of a
+pixels; the share of the tiles whose map is within 0.67 to 1.5 of their true error; the mean of the map over the number, least and most; the
+scenes that lack light by a witness, its least share, and in brackets the true one. What the reference errs is taken from the true error of a
 picture, as variances are; pictures that err less than twice as much are left out of `stated`. Needs numpy and OpenEXR.
 """
 
@@ -21,6 +22,7 @@ import numpy as np
 import OpenEXR
 
 PROGRAM = os.environ.get("OPSR", "target/release/opsr")
+SEED = os.environ.get("SEED", "9")
 METHODS = {
     "no option": [],
     "vcm": ["--integrator", "vcm"],
@@ -58,15 +60,18 @@ def main(folder, size, counts, methods=",".join(METHODS)):
     scenes = sorted(Path(folder).glob("*.pbrt"))
     for name in methods.split(","):
         for samples in counts.split(","):
-            flips, stated, ranks, within, means = [], [], [], [], []
+            flips, stated, ranks, within, means, missing = [], [], [], [], [], []
             for scene in scenes:
                 reference = scene.with_name(f"{scene.stem}-{size.split('x')[0]}.exr")
                 with tempfile.TemporaryDirectory() as place:
                     picture, stats = Path(place) / "a.exr", Path(place) / "a.json"
-                    options = ["--size", size, "--spp", samples, "--seed", "9", "--max-vertices", "14", "--progress", "none"]
+                    options = ["--size", size, "--spp", samples, "--seed", SEED, "--max-vertices", "14", "--progress", "none"]
                     command = [PROGRAM, "render", scene, *options, *METHODS[name], "--stats", stats, "-o", picture]
                     subprocess.run(command, check=True, capture_output=True)
-                    metrics, said = measured(picture, reference), json.loads(stats.read_text())["mean_relative_error"]
+                    metrics, stats = measured(picture, reference), json.loads(stats.read_text())
+                    said, lacks = stats["mean_relative_error"], stats["light_missing"]
+                    if lacks:
+                        missing.append(f"{scene.stem} {lacks['share']:.2f} ({1 - metrics['energy ratio']:.2f})")
                     flips.append(metrics["FLIP"])
                     (image, error), (truth, _) = read(picture), read(reference)
                 own = json.loads(Path(f"{reference}.json").read_text())["mean_relative_error"]
@@ -87,6 +92,8 @@ def main(folder, size, counts, methods=",".join(METHODS)):
                 line += f"; stated over true {min(stated):.2f}, {np.median(stated):.2f}, {max(stated):.2f}, {inside} of {len(stated)} within"
                 line += f"; rank of pixels {pixels:.2f}, of tiles {of_tiles:.2f}; tiles within {np.mean(within):.2f}"
                 line += f"; map over number {min(means):.3f} to {max(means):.3f}"
+            if missing:
+                line += f"; light missing: {', '.join(missing)}"
             print(line, flush=True)
 
 
