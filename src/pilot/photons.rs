@@ -89,12 +89,17 @@ pub(super) fn missing_light(
 ) -> Option<Missing> {
     let grid = regions_beside(view, settings, samples)?;
     let small = grid * REGION;
-    let beside = View::new(view.scene, view.sensor.camera, small, Window::full(small));
+    let beside = View {
+        stop: view.stop,
+        ..View::new(view.scene, view.sensor.camera, small, Window::full(small))
+    };
     let mut integrator = witness(settings).integrator();
     let mut lights = Vec::new();
     for number in 0..PICTURES {
         let mut one = Picture::new(Film::new(small));
-        integrator.pass(&beside, number..number + 1, &mut one);
+        if integrator.pass(&beside, number..number + 1, &mut one) == 0 {
+            return None;
+        }
         lights.push(means(small, grid, |i| light_of(&one.film, i)));
     }
     compared(&lights, picture, grid)

@@ -5,13 +5,14 @@ use opsr::Render;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
-use opsr::integrator::{Picture, Settings, View};
+use opsr::integrator::{Picture, Settings, Stop, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::pilot::witness::{Missing, missing_light};
 use opsr::scene::procedural::materials::{diffuse, glass};
 use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::scene::{Environment, PunctualLight, Scene, SceneParts};
 use opsr_lab::gallery::builtin;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 fn view(scene: &Scene, side: u32) -> View<'_> {
     let frame = UVec2::splat(side);
@@ -77,6 +78,21 @@ fn photons_find_light_that_a_short_render_misses() {
     // Photons are no witness of themselves, and cost too much beside less.
     assert_eq!(missing(&scene, &settings(Vcm, 1), 48, 12), None);
     assert_eq!(missing(&scene, &settings(Path, 1), 48, 24), None);
+}
+
+/// A render that a user has stopped ends without looking for light.
+#[test]
+fn photons_do_not_delay_a_stop() {
+    let scene = globe();
+    let (view, settings) = (view(&scene, 48), settings(Path, 1));
+    let mut picture = Picture::new(Film::new(view.sensor.frame));
+    (settings.integrator()).pass(&view, 0..48, &mut picture);
+    let asked = AtomicBool::new(false);
+    let stop = Stop::when(&asked);
+    let missing = || missing_light(&view.until(&stop), &settings, &picture, 48);
+    assert!(missing().is_some());
+    asked.store(true, Ordering::Relaxed);
+    assert_eq!(missing(), None);
 }
 
 /// The stated error counts what is missing. Levels find the light through roughened glass: nothing is missing from them.
