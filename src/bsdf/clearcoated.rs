@@ -8,9 +8,9 @@
 //! f(wo, wi) = c F(wo·h) D G2 / (4 cos θo cos θi) + (1 − c F(min(cos θo, cos θi))) a(wo, wi)
 //! ```
 //!
-//! The extension takes F(cos θo) for the base, which is not reciprocal. The larger of both reflectances is, never keeps
-//! more light, and with a smooth coat over a mirror the sum is exactly 1: what is lost is light that the coat returns to
-//! a base that scatters widely.
+//! The extension takes F(cos θo) for the base, which is not reciprocal. The larger of both reflectances is
+//! reciprocal and transmits no more light. A smooth coat over a mirror reflects exactly 1 in total. The model loses only light that
+//! the coat returns to a base that scatters widely.
 //!
 //! Sheen lies between coat and base, is drawn likewise, and dims its base by its reflectance E as the extension does, but by
 //! the larger of both directions': 1 − max(colour) max(E(cos θo), E(cos θi)).

@@ -2,9 +2,9 @@
 //!
 //! The driver of pieces asks before every tile, chunk of light paths, or chain. What a pass that ends early
 //! has done is left out: a picture holds whole samples only, so that it can be resumed and merged bit for bit. The first pass
-//! is the exception, since there is no other picture: its finished tiles or chains are kept, and no checkpoint is made of it. What
-//! others of its steps rest on, such as the light paths that all pixels share, ends at half of its time; the steps that rest on it
-//! get at least as long as it took.
+//! is the exception, since there is no other picture: its finished tiles or chains are kept, and no checkpoint is made of it. In
+//! the first pass shared work such as light paths ends at half of the time limit. The dependent steps get at least as much time as
+//! the shared work took.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};

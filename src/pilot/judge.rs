@@ -11,8 +11,8 @@
 //!   that none of n samples found has a second moment of at least n times its squared mean.
 //! - *Parts*: the strategies of `path` are among those of `bdpt`, and its are among those of `vcm`, so that a sample of fewer
 //!   strategies has no less variance `[Veach97 §9.2]`.
-//! - *Doubt*: another contender needs less than a third of the error of the one that the scene calls for. Levels never displace
-//!   an integrator of more strategies, since what they have not met they do not know.
+//! - *Doubt*: another contender needs less than a third of the error of the one that the scene calls for. A contender
+//!   with levels replaces only `path`: its samples give no evidence of light that they have not found.
 
 use super::{Contender, MISSED, Trial};
 use crate::image::Buffer;

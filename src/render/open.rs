@@ -106,7 +106,7 @@ fn gathered(warnings: Vec<String>) -> Vec<String> {
 /// Ratio of the scene's own light to that of named surroundings above which these are lost beside it.
 const FAINT: f64 = 200.0;
 
-/// Triangles of metal and glass that are asked what they reflect.
+/// Most triangles of sharp metal and glass whose reflection is tested.
 const ASKED: usize = 64;
 
 /// True if lights without area are all that a scene has, and most of its sharp metal and glass faces nothing: it shows black.

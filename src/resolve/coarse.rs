@@ -11,8 +11,8 @@
 //! V_j + D_j M_j / (n' B) exp(−e_j)                                                          the variance
 //! ```
 //!
-//! with n' the pixels that are averaged. Where hits are expected and do not come, darkness is real and the exponential
-//! vanishes; where none is expected, their absence says nothing.
+//! with n' the pixels that are averaged. If hits are expected but none occur, the pixels are dark and the exponential is near zero.
+//! If no hit is expected, its absence is no evidence of darkness.
 
 use super::filter::{Size, tent};
 use super::layer::Batches;

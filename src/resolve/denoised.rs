@@ -20,8 +20,8 @@
 //! D (e + m) / (e + d + 2 m) + S (d + m) / (e + d + 2 m)
 //! ```
 //!
-//! Errors of single pixels are not known well: m makes even of what is doubtful. Fine light that the filter has taken
-//! stays where it is more than noise, and many samples leave S alone. The picture is brought to the energy of S by a
+//! The error estimates of single pixels are noisy: m, a local mean of e, moves both weights towards one half. Fine light that the
+//! filter has taken stays where it is more than noise, and many samples leave S alone. The picture is brought to the energy of S by a
 //! smooth factor.
 
 use super::coarse::Energy;

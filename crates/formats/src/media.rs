@@ -1,9 +1,8 @@
 //! Media of other renderers: what is on the two sides of a boundary.
 //!
 //! A shape names the medium inside and the one outside of it. Where the two are one, or none is named, the boundary means nothing to
-//! media: what is around it goes on in it. A path knows the bodies around it, so that the medium outside of a shape follows
-//! from those; only that of the whole scene must be found: it is the one outside of a shape or around the camera that is
-//! inside of none.
+//! media: what is around it goes on in it. A path tracks the bodies around it, which determine the medium outside of a
+//! shape. Only the medium of the whole scene must be found: the one outside of a shape or around the camera that fills no shape.
 
 use super::{Context, Material, Medium};
 use crate::build::looks;

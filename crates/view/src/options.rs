@@ -252,8 +252,8 @@ impl Options {
         self.fitted(&asked, &[changed]).map(|(spec, _)| Some(spec))
     }
 
-    /// The options that go together, of those that are asked for, and what was left out for the sake of others. What
-    /// `changed` is never left out.
+    /// A valid spec of the requested options, and a message for each conflicting option that was removed. Those in `changed` are
+    /// never removed.
     fn fitted(
         &self,
         asked: &Map<String, Value>,

@@ -34,9 +34,8 @@ impl Path {
         self.features = path.features.values();
     }
 
-    /// Shows `visit` all values in groups, each after what it is foretold to be: shared light and light that plain path
-    /// tracing cannot find black, a level as the one before, the first as the shared light, the first surface as nothing,
-    /// and the rough one as the first.
+    /// Calls `visit` with each group of values and its prediction. The prediction of a level is the one before, of the first level
+    /// the shared light, of the rough vertex the first vertex; all others are zero.
     #[inline(always)]
     fn visit(&mut self, levels: usize, mut visit: impl FnMut(&mut [f32], &[f32])) {
         visit(self.shared.as_mut(), &[0.0; 3]);

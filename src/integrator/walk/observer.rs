@@ -74,7 +74,8 @@ pub trait PathObserver {
     /// Called when light of this number of scatterings is added to the path's radiance; only the path tracer calls it.
     #[inline]
     fn light(&mut self, _scatterings: u32, _value: Rgb) {}
-    /// Light that the path has met before its first draw from a smooth lobe; the path tracer and bidirectional camera walks tell.
+    /// Called with the light that the path has found before its first draw from a smooth lobe. Only the path tracer and bidirectional
+    /// camera walks call it.
     #[inline]
     fn seen(&mut self, _value: Rgb) {}
     /// The path is complete; `radiance` is the sum of its contributions.

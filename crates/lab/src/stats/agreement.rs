@@ -20,8 +20,8 @@
 //!
 //! Pixels that share light paths, as those of bidirectional estimators do, are each as noisy as their variance says, but
 //! their sums are noisier: the standard error of the image mean is 1.4 to 2.5 times what pixels say, and more for photons of a large
-//! radius. Such a film states it from its samples as a whole ([`Film::mean_error`]), by which the image is then judged; what
-//! tiles share is not known, they are not judged.
+//! radius. For such a film the test of the image uses the standard error of its mean ([`Film::mean_error`]). Tiles are not
+//! tested: the covariance within them is unknown.
 
 use std::fmt;
 

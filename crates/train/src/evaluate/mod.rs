@@ -1,8 +1,8 @@
 //! Evaluation: mean and second moment of every pixel of a crop, and their derivatives, at any table.
 //!
 //! Two sources of the same numbers (`docs/method.md` section 7): [`replay`] evaluates the events of a recording one by
-//! one, and [`curves`] reads tabulated curves over the factor, with `folded` for the
-//! paths that have none. The fast ones follow a sparse `jacobian` between exact evaluations.
+//! one, and [`curves`] reads tabulated curves over the factor, with `folded` for the paths that have none. Between exact
+//! evaluations they extrapolate the moments linearly by a sparse `jacobian`.
 
 pub mod curves;
 mod folded;
