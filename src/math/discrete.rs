@@ -64,7 +64,7 @@ impl AliasTable {
 
     /// Probability of outcome `i` < n.
     #[inline]
-    pub(crate) fn pmf(&self, i: usize) -> f32 {
+    pub fn pmf(&self, i: usize) -> f32 {
         self.pmf[i]
     }
 

@@ -6,17 +6,6 @@ const FRACTION: i32 = 149;
 /// Sum of finite numbers of single precision, exact: a fixed-point number in two's complement, lowest word first.
 ///
 /// 277 bits hold the largest number; the others count how many were added, 2¹⁰⁶ at most.
-///
-/// ```
-/// use opsr::math::exact::ExactSum;
-/// let mut sum = ExactSum::default();
-/// for x in [1e30, 1.0, -1e30, 1e-30] {
-///     sum.add(x);
-/// }
-/// assert_eq!(sum.value(), 1.0);
-/// sum.add(-1.0);
-/// assert_eq!(sum.value(), f64::from(1e-30f32));
-/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ExactSum([u64; Self::WORDS]);
 
@@ -93,6 +82,17 @@ mod tests {
     fn numbers() -> Vec<f32> {
         let bits = (0..4000u32).map(|i| i.wrapping_mul(0x9e37_79b9) ^ i << 7);
         bits.map(f32::from_bits).filter(|x| x.is_finite()).collect()
+    }
+
+    #[test]
+    fn small_numbers_outlast_large_ones() {
+        let mut sum = ExactSum::default();
+        for x in [1e30, 1.0, -1e30, 1e-30] {
+            sum.add(x);
+        }
+        assert_eq!(sum.value(), 1.0);
+        sum.add(-1.0);
+        assert_eq!(sum.value(), f64::from(1e-30f32));
     }
 
     #[test]

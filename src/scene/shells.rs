@@ -1,7 +1,7 @@
 //! Meshes that should bound a body and do not: open ones, and ones whose normals point inwards or both ways.
 //!
 //! Their edges tell, and are counted when the scene is built. But an open mesh may be a good boundary: the surface of a pool
-//! ends at its walls. So the test traces random walks from behind the mesh, which all surfaces scatter as white walls do. Walks
+//! ends at its walls. So the test traces random walks from behind the mesh, which opaque surfaces scatter as white walls do. Walks
 //! behind a boundary end at its back. A mesh where many end at a front, or leave the scene, becomes thin walls.
 
 use super::{Material, Mesh, Scene, SceneParts};
