@@ -205,13 +205,13 @@ plant "one level: discs of fireflies" src/resolve/tiles.rs \
 plant "one level: discs of glints" src/resolve/tiles.rs \
     's/GLINT: f32 = 1\.2/GLINT: f32 = 1e9/' lib::resolve::tests::one_level_blurs_reflections_without_their_glints
 plant "photons: light of the first level alone" src/pilot/photons.rs \
-    's/for level in 1\.\.levels\.map_or/for level in 9..levels.map_or/' lib::pilot::photons::tests::light_of_the_best_level_counts
+    's/for level in 1\.\.levels\.levels/for level in 9..levels.levels/' lib::pilot::photons::tests::light_of_the_best_level_counts
 plant "photons: pictures are one" src/pilot/photons.rs \
     's/\(mean, squares \/ \(n \* \(n - 1\.0\)\)\)/(mean, squares \/ (n * n * n))/' lib::pilot::photons::tests::one_bright_picture_is_no_proof
 plant "photons: a stop waits for them" src/pilot/photons.rs \
     's/stop: view\.stop,/stop: None,/' witness::photons_do_not_delay_a_stop
 plant "photons: every region counts as the first" src/pilot/photons.rs \
-    's/\(y \* grid\.y \/ frame\.y \* grid\.x \+ x/(0 * y * grid.x + x/' lib::pilot::photons::tests::light_that_small_pictures_have_and_a_picture_misses_is_found
+    's/\(y \* grid\.y \/ frame\.y \* grid\.x \+ x/(0 * y * grid.x + x/' lib::pilot::photons::tests::means_over_regions_count_every_pixel_once
 plant "film: no light counts as wrong" crates/frames/src/average.rs \
     's/difference - wide\.variance_of_difference\(narrow\)/-wide.variance_of_difference(narrow)/' \
     frames::tests::moving_shadow_is_not_smeared

@@ -2,8 +2,8 @@
 //!
 //! Pixels of a bidirectional estimator are each as noisy as their variance says, but they rise and fall together: the
 //! variance of their sum is more than the sum of theirs. The samples of the whole picture are independent all the same. So their
-//! sums are kept in batches, by the number of the sample, and the spread of the batches is the error of the mean. Sums are exact: the same for a render in tiles,
-//! in parts, of crops that are put together, and for one that was stopped.
+//! sums are kept in batches, by the number of the sample, and the spread of the batches is the error of the mean. Sums are exact:
+//! the same for a render in tiles, in parts, of crops that are put together, and for one that was stopped.
 
 use crate::math::exact::ExactSum;
 use crate::math::{DVec3, Rgb};

@@ -1,10 +1,10 @@
 //! Errors relative to the light of a pixel: the terms of the number that a render [states](crate::resolve::Statement::mean) of itself.
 
-/// ε of relative errors, as a radiance: added to the light of a pixel, so that a black one does not divide by 0.
+/// ε of relMSE and MAPE: added to the squared radiance, or to the radiance, of the reference.
 pub const EPSILON: f64 = 0.01;
 
-/// 3ε of [`relative_errors`]: a tenth of the mean light, the channels of each pixel added up, so that these errors do not depend on
-/// the exposure.
+/// 3ε of [`relative_errors`], a tenth of the mean radiance, from the light of all pixels, the channels of each added up. So these errors
+/// do not depend on the exposure.
 pub fn floor(light: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = light.fold((0.0, 0u64), |(s, n), x| (s + x.max(0.0), n + 1));
     sum / (30 * count.max(1)) as f64

@@ -4,12 +4,12 @@
 //! of the small pictures is an independent estimate of the light of every region of the frame, so that their spread is the error of
 //! their mean, whatever light their pixels share.
 
-use super::witness::Missing;
+use super::witness::{LEAST, Missing, Part, SHARE, around, normal_bound, squared_error};
 use crate::image::film::{Film, Window};
 use crate::integrator::bidirectional::Radius;
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Amounts, Estimator, Picture, Settings, View};
-use crate::math::UVec2;
+use crate::math::{Rgb, UVec2};
 use crate::regularise::Rule;
 use crate::sampler::{Domain, SamplerKind, Seed};
 
@@ -22,14 +22,11 @@ const REGION: u32 = 4;
 /// Fewest and most regions.
 const REGIONS: (f64, f64) = (12.0, 192.0);
 
-/// Share of the render's time that the pictures take, and most where this is too little for the fewest regions.
-const SHARE: (f64, f64) = (0.04, 0.12);
+/// Most of the render's time that the pictures take, where [`SHARE`] is too little for the fewest regions.
+const MOST: f64 = 0.12;
 
 /// Probability that chance alone raises one of the regions of a picture above the bound.
 const CHANCE: f64 = 0.05;
-
-/// Share of the light by which the picture must be darker beyond two standard errors, and a part beyond chance.
-const LEAST: (f64, f64) = (0.01, 0.1);
 
 /// Columns and rows of about `most` regions, as near to squares as they can be; `None` for a frame that is too narrow.
 fn grid(frame: UVec2, most: f64) -> Option<UVec2> {
@@ -48,21 +45,26 @@ fn grid(frame: UVec2, most: f64) -> Option<UVec2> {
 /// The regions of a witness beside a render with this number of samples per pixel; `None` where there is none: for other
 /// estimators than the path tracer, for crops, for scenes without anything glossy or with contents that `vcm` does not know, and
 /// for renders that are too short.
-fn regions_beside(view: &View<'_>, settings: &Settings, samples: u32) -> Option<UVec2> {
+fn regions_beside(
+    view: &View<'_>,
+    settings: &Settings,
+    witness: &Settings,
+    samples: u32,
+) -> Option<UVec2> {
     let frame = view.sensor.frame;
     let of_path = matches!(settings.estimator, Estimator::Path { .. });
     if !of_path
         || settings.strategy.is_some()
         || view.window != Window::full(frame)
         || !view.scene.features().lobes
-        || witness(settings).check_scene(view.scene).is_err()
+        || witness.check_scene(view.scene).is_err()
     {
         return None;
     }
     let traced = view.window.len() as f64 * f64::from(samples);
-    let cost = witness(settings).estimator.cost(1.0) * f64::from(PICTURES * REGION * REGION);
-    let most = (SHARE.0 * traced / cost).clamp(REGIONS.0, REGIONS.1);
-    if most > SHARE.1 * traced / cost {
+    let cost = witness.estimator.cost(1.0) * f64::from(PICTURES * REGION * REGION);
+    let most = (SHARE * traced / cost).clamp(REGIONS.0, REGIONS.1);
+    if most > MOST * traced / cost {
         return None;
     }
     grid(frame, most)
@@ -87,13 +89,14 @@ pub(super) fn missing_light(
     picture: &Picture,
     samples: u32,
 ) -> Option<Missing> {
-    let grid = regions_beside(view, settings, samples)?;
+    let witness = witness(settings);
+    let grid = regions_beside(view, settings, &witness, samples)?;
     let small = grid * REGION;
     let beside = View {
         stop: view.stop,
         ..View::new(view.scene, view.sensor.camera, small, Window::full(small))
     };
-    let mut integrator = witness(settings).integrator();
+    let mut integrator = witness.integrator();
     let mut lights = Vec::new();
     for number in 0..PICTURES {
         let mut one = Picture::new(Film::new(small));
@@ -109,17 +112,19 @@ fn light_of(film: &Film, pixel: usize) -> f64 {
     film.pixels[pixel].mean.element_sum()
 }
 
+/// Region of a pixel of a frame, by its number.
+fn region(frame: UVec2, grid: UVec2, pixel: usize) -> usize {
+    let (x, y) = (pixel as u32 % frame.x, pixel as u32 / frame.x);
+    (y * grid.y / frame.y * grid.x + x * grid.x / frame.x) as usize
+}
+
 /// Means over the regions of a frame of a number for each of its pixels.
 fn means(frame: UVec2, grid: UVec2, of: impl Fn(usize) -> f64) -> Vec<f64> {
-    let mut sums = vec![(0.0, 0u32); (grid.x * grid.y) as usize];
-    for y in 0..frame.y {
-        let row = u64::from(y) * u64::from(grid.y) / u64::from(frame.y);
-        for x in 0..frame.x {
-            let column = u64::from(x) * u64::from(grid.x) / u64::from(frame.x);
-            let (sum, count) = &mut sums[row as usize * grid.x as usize + column as usize];
-            *sum += of((y * frame.x + x) as usize);
-            *count += 1;
-        }
+    let mut sums = vec![(0.0, 0u32); grid.element_product() as usize];
+    for pixel in 0..frame.element_product() as usize {
+        let (sum, count) = &mut sums[region(frame, grid, pixel)];
+        *sum += of(pixel);
+        *count += 1;
     }
     let mean = |(sum, count): (f64, u32)| sum / f64::from(count.max(1));
     sums.into_iter().map(mean).collect()
@@ -129,14 +134,13 @@ fn means(frame: UVec2, grid: UVec2, of: impl Fn(usize) -> f64) -> Vec<f64> {
 fn light_in(picture: &Picture, grid: UVec2) -> Vec<f64> {
     let frame = picture.film.size;
     let mut most = means(frame, grid, |i| light_of(&picture.film, i));
-    let levels = picture.levels.as_ref();
-    for level in 1..levels.map_or(0, |levels| levels.levels()) {
-        let pixels: Vec<f64> = (levels.into_iter())
-            .flat_map(|levels| levels.means(level))
-            .map(|light| f64::from(light.element_sum()))
-            .collect();
-        let light = means(frame, grid, |i| pixels[i]);
-        most.iter_mut().zip(light).for_each(|(m, l)| *m = m.max(l));
+    if let Some(levels) = &picture.levels {
+        for level in 1..levels.levels() {
+            let pixels: Vec<Rgb> = levels.means(level).collect();
+            let light = means(frame, grid, |i| f64::from(pixels[i].element_sum()));
+            let pairs = most.iter_mut().zip(light);
+            pairs.for_each(|(most, light)| *most = most.max(light));
+        }
     }
     most
 }
@@ -160,63 +164,46 @@ fn student(z: f64, freedom: f64) -> f64 {
 fn compared(lights: &[Vec<f64>], picture: &Picture, grid: UVec2) -> Option<Missing> {
     let frame = picture.film.size;
     let own = light_in(picture, grid);
-    // Channels of one path rise and fall together. The error of a mean over n pixels has the mean of their variances over n.
-    let of_pixel = |i: usize| {
-        let moments = &picture.film.pixels[i];
-        let variance = moments.variance_of_mean().max(Default::default());
-        variance.powf(0.5).element_sum().powi(2)
-    };
+    // The squared error of a mean over n pixels is the mean of theirs over n.
     let pixels = f64::from(frame.x * frame.y) / own.len() as f64;
-    let noise = means(frame, grid, |i| of_pixel(i) / pixels);
-    // Excess of the pictures, their light, and the variance of the excess, over some regions.
+    let noise = means(frame, grid, |i| {
+        squared_error(&picture.film.pixels[i]) / pixels
+    });
     let over = |regions: &[usize]| {
         let sum = |values: &[f64]| regions.iter().map(|&i| values[i]).sum::<f64>();
         let sums: Vec<f64> = lights.iter().map(|light| sum(light)).collect();
         let (light, variance) = estimate(&sums);
-        (light - sum(&own), light, variance + sum(&noise))
+        Part {
+            light,
+            excess: light - sum(&own),
+            variance: variance + sum(&noise),
+        }
     };
     let all: Vec<usize> = (0..own.len()).collect();
-    let (excess, light, variance) = over(&all);
-    let share = (excess - 2.0 * variance.sqrt()) / light;
+    let share = over(&all).share();
     if share.is_nan() || share < LEAST.0 {
         return None;
     }
     let (columns, rows) = (grid.x as usize, grid.y as usize);
-    let around = |i: usize| -> Vec<usize> {
-        let (x, y) = (i % columns, i / columns);
-        let row =
-            |y: usize| (x.saturating_sub(1)..(x + 2).min(columns)).map(move |x| y * columns + x);
-        (y.saturating_sub(1)..(y + 2).min(rows))
-            .flat_map(row)
-            .collect()
-    };
-    // A bound on the normal quantile.
-    let normal = (2.0 * (own.len() as f64 / CHANCE).ln()).sqrt();
+    let with_those_around = |i| over(&around(i, columns, rows).collect::<Vec<_>>());
+    let parts: Vec<Part> = all.into_iter().map(with_those_around).collect();
+    let normal = normal_bound(parts.len(), CHANCE);
     let bound = student(normal, f64::from(PICTURES - 1));
-    let parts: Vec<_> = all.iter().map(|&i| over(&around(i))).collect();
-    let is_dark = |&i: &usize| {
-        let (excess, light, variance) = parts[i];
-        excess > bound * variance.sqrt() && excess > LEAST.1 * light
+    let dark = (0..parts.len()).filter(|&i| parts[i].is_dark(bound));
+    let darkest = dark.max_by(|&a, &b| parts[a].excess.total_cmp(&parts[b].excess))?;
+    // As of the whole, what is missing at least.
+    let square = |part: &Part| match part.is_dark(bound) {
+        true => part.share().powi(2) as f32,
+        false => 0.0,
     };
-    let dark: Vec<usize> = all.into_iter().filter(is_dark).collect();
-    let darkest = (dark.iter().copied()).max_by(|&a, &b| parts[a].0.total_cmp(&parts[b].0))?;
-    let mut squares = vec![0.0; own.len()];
-    for i in dark {
-        let (excess, light, variance) = parts[i];
-        // As the share of the whole, what is missing at least.
-        squares[i] = ((excess - 2.0 * variance.sqrt()) / light).powi(2);
-    }
-    let region = |i: usize| {
-        let (x, y) = (i as u32 % frame.x, i as u32 / frame.x);
-        (y * grid.y / frame.y * grid.x + x * grid.x / frame.x) as usize
-    };
+    let squares: Vec<f32> = parts.iter().map(square).collect();
     let half = UVec2::new(darkest as u32 % grid.x, darkest as u32 / grid.x) * 2 + UVec2::ONE;
     Some(Missing {
         share,
         pixel: half * frame / (grid * 2),
         finder: IntegratorKind::Vcm,
         squares: (0..picture.film.pixels.len())
-            .map(|i| squares[region(i)] as f32)
+            .map(|pixel| squares[region(frame, grid, pixel)])
             .collect(),
     })
 }

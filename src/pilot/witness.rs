@@ -14,13 +14,14 @@ use crate::image::film::{Film, Window};
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Amounts, Estimator, Picture, Settings, View};
 use crate::math::UVec2;
+use crate::math::moments::Moments;
 use crate::regularise::Rule;
 use crate::sampler::{Domain, SamplerKind, Seed};
 use crate::scene::medium::Media;
 use std::fmt;
 
-/// Share of the render's time that the witness takes.
-const SHARE: f64 = 0.04;
+/// Share of the render's time that a witness takes.
+pub(super) const SHARE: f64 = 0.04;
 
 /// Fewest samples of a witness, over all pixels, and most of a pixel.
 const SAMPLES: (usize, u32) = (1 << 14, 64);
@@ -35,7 +36,7 @@ const TILE: (u32, u32) = (1024, 8);
 const CHANCE: f64 = 1e-3;
 
 /// Share of the light by which the picture must be darker beyond noise, which roughening does not change, and of a part.
-const LEAST: (f64, f64) = (0.01, 0.1);
+pub(super) const LEAST: (f64, f64) = (0.01, 0.1);
 
 /// Light that a picture lacks.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,12 +102,12 @@ fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
 
 /// A part of the witness's picture beside that of the render.
 #[derive(Clone, Copy, Default)]
-struct Part {
+pub(super) struct Part {
     /// Sum of the light of the witness, and of what it has more than the picture.
-    light: f64,
-    excess: f64,
+    pub(super) light: f64,
+    pub(super) excess: f64,
     /// Variance of the excess.
-    variance: f64,
+    pub(super) variance: f64,
 }
 
 impl Part {
@@ -116,10 +117,28 @@ impl Part {
         self.variance += other.variance;
     }
 
-    /// Standard errors by which the picture is darker.
-    fn darker(&self) -> f64 {
-        self.excess / self.variance.sqrt().max(f64::MIN_POSITIVE)
+    /// Share of the light by which the picture is darker beyond two standard errors.
+    pub(super) fn share(&self) -> f64 {
+        (self.excess - 2.0 * self.variance.sqrt()) / self.light
     }
+
+    /// True if the picture is darker by more than this number of standard errors, and by more than a part must be.
+    pub(super) fn is_dark(&self, bound: f64) -> bool {
+        let errors = self.excess / self.variance.sqrt().max(f64::MIN_POSITIVE);
+        errors > bound && self.excess > LEAST.1 * self.light
+    }
+}
+
+/// A part of a grid and those around it: what is roughened, or merged, spreads.
+pub(super) fn around(i: usize, columns: usize, rows: usize) -> impl Iterator<Item = usize> {
+    let (x, y) = (i % columns, i / columns);
+    let row = move |y| (x.saturating_sub(1)..(x + 2).min(columns)).map(move |x| y * columns + x);
+    (y.saturating_sub(1)..(y + 2).min(rows)).flat_map(row)
+}
+
+/// A bound on the normal quantile that chance exceeds in one of `parts` parts with this probability.
+pub(super) fn normal_bound(parts: usize, chance: f64) -> f64 {
+    (2.0 * (parts as f64 / chance).ln()).sqrt()
 }
 
 /// Looks for light that a render of a view misses after this number of samples.
@@ -167,28 +186,20 @@ fn compared(witness: &Film, film: &Film, samples: u32) -> Option<Missing> {
     let parts: Vec<Part> = tiles.iter().map(|tile| part(witness, film, tile)).collect();
     let mut whole = Part::default();
     parts.iter().for_each(|part| whole.add(part));
-    let share = (whole.excess - 2.0 * whole.variance.sqrt()) / whole.light;
+    let share = whole.share();
     if share.is_nan() || share < LEAST.0 {
         return None;
     }
-    // With the tiles around: what is roughened spreads.
     let columns = window.w.div_ceil(edge) as usize;
     let rows = tiles.len() / columns;
-    let around = |i: usize| {
-        let (x, y) = (i % columns, i / columns);
+    let over = |i: usize| {
         let mut sum = Part::default();
-        for y in y.saturating_sub(1)..(y + 2).min(rows) {
-            for x in x.saturating_sub(1)..(x + 2).min(columns) {
-                sum.add(&parts[y * columns + x]);
-            }
-        }
+        around(i, columns, rows).for_each(|i| sum.add(&parts[i]));
         sum
     };
-    // A bound on the normal quantile.
-    let bound = (2.0 * (tiles.len() as f64 / CHANCE).ln()).sqrt();
-    let is_dark = |part: &Part| part.darker() > bound && part.excess > LEAST.1 * part.light;
-    let surroundings: Vec<Part> = (0..tiles.len()).map(around).collect();
-    let dark = (0..tiles.len()).filter(|&i| is_dark(&surroundings[i]));
+    let bound = normal_bound(tiles.len(), CHANCE);
+    let surroundings: Vec<Part> = (0..tiles.len()).map(over).collect();
+    let dark = (0..tiles.len()).filter(|&i| surroundings[i].is_dark(bound));
     let darkest = dark.max_by(|&a, &b| parts[a].excess.total_cmp(&parts[b].excess))?;
     let tile = &tiles[darkest];
     let pixel = UVec2::new(tile.x + tile.w / 2, tile.y + tile.h / 2);
@@ -196,7 +207,7 @@ fn compared(witness: &Film, film: &Film, samples: u32) -> Option<Missing> {
     for (tile, part) in tiles
         .iter()
         .zip(&surroundings)
-        .filter(|(_, part)| is_dark(part))
+        .filter(|(_, part)| part.is_dark(bound))
     {
         let square = (part.excess * part.excess - part.variance).max(0.0) / part.light.powi(2);
         super::window::inside(tile, &window).for_each(|i| squares[i] = square as f32);
@@ -209,6 +220,16 @@ fn compared(witness: &Film, film: &Film, samples: u32) -> Option<Missing> {
     })
 }
 
+/// Squared error of the mean of a pixel, the channels added up: those of one path rise and fall together.
+pub(super) fn squared_error(moments: &Moments) -> f64 {
+    let variance = match moments.n {
+        0 | 1 => moments.mean * moments.mean,
+        _ => moments.variance_of_mean(),
+    };
+    let error = variance.max(Default::default()).powf(0.5).element_sum();
+    error * error
+}
+
 /// A tile of a witness beside that of a film.
 fn part(witness: &Film, film: &Film, tile: &Window) -> Part {
     let mut part = Part::default();
@@ -216,16 +237,7 @@ fn part(witness: &Film, film: &Film, tile: &Window) -> Part {
         let (theirs, ours) = (&witness.pixels[i], &film.pixels[i]);
         part.light += theirs.mean.element_sum();
         part.excess += (theirs.mean - ours.mean).element_sum();
-        // Channels of one path rise and fall together.
-        for moments in [theirs, ours] {
-            let variance = if moments.n > 1 {
-                moments.variance_of_mean()
-            } else {
-                moments.mean * moments.mean
-            };
-            let error = variance.max(Default::default()).powf(0.5).element_sum();
-            part.variance += error * error;
-        }
+        part.variance += squared_error(theirs) + squared_error(ours);
     }
     part
 }

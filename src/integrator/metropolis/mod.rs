@@ -4,8 +4,8 @@
 //! connections. Chains seek out what carries light: after a way through a keyhole is found, its neighbours are tried.
 //!
 //! One sample of the picture is a *pass*, an independent estimate: a bootstrap of fresh pairs, which count like large steps
-//! and from which all chains of the pass start in proportion to their light, and a number of mutations per pixel. No chain outlives its pass. So the expectation
-//! of a pass is exact, whatever the chains' length (`chain`); resuming, splitting and threads change no bit; variance
+//! and from which all chains of the pass start in proportion to their light, and a number of mutations per pixel. No chain outlives
+//! its pass. So the expectation of a pass is exact, whatever the chains' length (`chain`); resuming, splitting and threads change no bit; variance
 //! layers are honest; and a chain that is stuck ends with the pass.
 //!
 //! The target of the chains is luminance over that of the neighbourhood in the picture, estimated by a first

@@ -1,5 +1,4 @@
 use super::*;
-use crate::math::Rgb;
 use crate::sampler::{Independent, SampleSource, Sampler};
 
 /// Uniform numbers in [0, 1).
@@ -120,4 +119,18 @@ fn light_of_the_best_level_counts() {
     let light = light_in(&dark, UVec2::new(4, 3));
     assert!(light.iter().all(|l| (l - 3.0).abs() < 1e-4), "{light:?}");
     assert_eq!(compared(&lights(0), &dark, UVec2::new(4, 3)), None);
+}
+
+/// Pictures of one sample in rare hits are as noisy as they are bright: no proof, even where most pixels are black.
+#[test]
+fn one_sample_is_no_proof() {
+    let mut film = Film::new(UVec2::new(40, 30));
+    for pixel in 0..film.pixels.len() {
+        let light = if pixel == 607 { 900.0 } else { 0.0 };
+        film.push(pixel, Rgb::splat(light), 0);
+    }
+    let picture = Picture::new(film);
+    for seed in 0..20 {
+        assert_eq!(compared(&lights(seed), &picture, UVec2::new(4, 3)), None);
+    }
 }

@@ -8,8 +8,7 @@ use crate::scene::{Material, Mesh, SceneParts};
 pub enum FileLight {
     /// None. Unlit materials are pictures, not lamps.
     None,
-    /// Surfaces that emit: lamps or decoration. What they light in the scene decides, see
-    /// `Scene::lighting`.
+    /// Surfaces that emit: lamps or decoration. The light that they bring to the scene decides (`Scene::lighting`).
     Surfaces,
     /// Lamps that someone has put there, or surroundings.
     Lamps,

@@ -120,8 +120,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, F
     scene(path, &bytes, options).map_err(|fault| fault.of(path))
 }
 
-/// The cameras of a glTF file at a moment of its animations, in seconds: all that changes where these
-/// move cameras alone.
+/// The cameras of a glTF file at a moment of its animations, in seconds: all that changes if these move only cameras.
 pub fn cameras_at(
     path: &Path,
     seconds: f64,
