@@ -221,12 +221,29 @@ fn cargo_faults(arguments: &[String]) -> Option<String> {
     }
 }
 
+/// A fault of a render whose output is named a raw picture or a reference, or is one of a suite, and that is not the mean of its
+/// samples: without `--resolve raw` it is blurred, and what is compared with it is judged by the blur.
+fn reference_fault(arguments: &[String], references: &[String]) -> Option<String> {
+    let after = |option: &str| {
+        let place = arguments.iter().position(|a| a == option)?;
+        arguments.get(place + 1)
+    };
+    let output = after("-o").or_else(|| after("--output"))?;
+    let is_named = |part: &str| output.contains(part);
+    let is_reference = is_named("raw") || is_named("reference") || references.contains(output);
+    let is_raw = after("--resolve").is_some_and(|how| how == "raw");
+    let is_render = arguments.first().is_some_and(|command| command == "render");
+    (is_render && is_reference && !is_raw)
+        .then(|| format!("{output} is a reference without --resolve raw"))
+}
+
 /// Faults of one command line.
 fn command_faults(line: &[String]) -> Option<String> {
     if let Some(arguments) = opsr_arguments(line) {
         return parse_faults(arguments).or_else(|| {
-            let missing = inputs(arguments).into_iter().find(|file| !is_there(file))?;
-            Some(format!("{missing} does not exist"))
+            let missing = inputs(arguments).into_iter().find(|file| !is_there(file));
+            let missing = missing.map(|file| format!("{file} does not exist"));
+            missing.or_else(|| reference_fault(arguments, &[]))
         });
     }
     match line {
@@ -367,6 +384,53 @@ fn documents_have_valid_commands_options_and_links() {
     assert!(all.is_empty(), "{}", all.join("\n"));
 }
 
+/// Faults of the commands at the head of a suite. Scenes that it writes first need not be there.
+fn suite_faults(text: &str) -> Vec<String> {
+    let references: Vec<String> = (text.lines())
+        .filter_map(|line| line.strip_prefix("reference = \"../")?.strip_suffix('"'))
+        .map(str::to_owned)
+        .collect();
+    let head = text.lines().map_while(|line| line.strip_prefix('#'));
+    let commands = head
+        .filter_map(|line| line.strip_prefix("     "))
+        .map(words);
+    commands
+        .filter_map(|line| {
+            let arguments = opsr_arguments(&line)?;
+            parse_faults(arguments).or_else(|| reference_fault(arguments, &references))
+        })
+        .collect()
+}
+
+#[test]
+fn suites_have_valid_commands() {
+    let entries = std::fs::read_dir(root().join("suites")).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().expect("UTF-8"));
+    let suites: Vec<String> = names.filter(|name| name.ends_with(".toml")).collect();
+    assert!(suites.len() > 10, "{suites:?}");
+    let mut all = Vec::new();
+    for suite in &suites {
+        let text = read(&format!("suites/{suite}"));
+        assert!(
+            text.contains("\n#     opsr bench suites/"),
+            "{suite}: no command"
+        );
+        all.extend(
+            suite_faults(&text)
+                .iter()
+                .map(|fault| format!("{suite}: {fault}")),
+        );
+    }
+    assert!(all.is_empty(), "{}", all.join("\n"));
+    let planted = "# A suite.\n#\n#     opsr render a.glb -o out/a.exr\n#     opsr bench x.toml --rays\n\nreference = \"../out/a.exr\"\n";
+    let found = suite_faults(planted);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(
+        found[0].contains("--resolve raw") && found[1].contains("--rays"),
+        "{found:?}"
+    );
+}
+
 /// Whether a text names a commit, as code or as "the commit that" did something, and a date.
 fn has_commit_and_date(text: &str) -> bool {
     let is_commit = |s: &str| s.len() >= 7 && s.chars().all(|c| c.is_ascii_hexdigit());
@@ -436,6 +500,11 @@ fn planted_faults_in_a_document_are_found() {
         ("```sh\nmake\n```", "not a command"),
         ("see `opsr render --rays 3`", "--rays"),
         ("add `--rays 3`", "--rays: no command"),
+        (
+            "```sh\nopsr render scene.glb -o reference.exr\n```",
+            "--resolve raw",
+        ),
+        ("see `opsr render scene.glb -o raw.exr`", "--resolve raw"),
         ("[x](none.md)", "none.md does not exist"),
         ("[x](README.md#none)", "no such heading"),
     ] {
