@@ -2,6 +2,8 @@
 
 pub mod bench;
 pub mod compare;
+#[cfg(feature = "train")]
+mod factors;
 mod html;
 pub mod page;
 mod plot;

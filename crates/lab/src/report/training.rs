@@ -1,5 +1,6 @@
 //! Report of a training: the learned tables, their data, and their scores beside constant factors.
 
+use super::factors::factors;
 use super::html;
 use super::plot::{self, Axis, Line};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
@@ -170,6 +171,7 @@ impl Report {
                 h3 { "Validation crops: scenes that nothing was learned from" }
                 (scores(&l.validation))
             }
+            (factors(&l.table.gammas[..], &self.visits))
             h3 { "Crop by crop" }
             (crops(&self.names, &l.crops, l.beta))
             @if !l.validation.is_empty() { (crops(&self.validation_names, &l.validation_crops, l.beta)) }

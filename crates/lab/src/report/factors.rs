@@ -1,0 +1,124 @@
+//! The 1,360 classes of paths as a picture: one cell for each.
+//!
+//! A block of rows for each number of vertices, 2 to 5. A row holds all bins of the last three vertices, the last one fastest, and is
+//! one choice of bins of the vertices before them: 1, 1, 4 and 16 rows, with an empty row between blocks.
+
+use super::html;
+use maud::{Markup, html};
+use opsr::image::Buffer;
+use opsr::math::Rgb;
+use opsr::regularise::{BINS, GammaIndex, LEN};
+use opsr_metric::false_colour;
+
+/// Cells of a row.
+const COLUMNS: usize = BINS * BINS * BINS;
+
+/// Rows of the picture.
+const ROWS: usize = 1 + 1 + 1 + 1 + 4 + 1 + 16;
+
+/// Least factor that has a colour of its own: the least one of a recording.
+const LEAST: f32 = 0.002;
+
+/// Column and row of a class; `None` where the last vertex is in the top bin, which leaves hardly anything to roughen.
+fn cell(class: GammaIndex) -> Option<(usize, usize)> {
+    let bins = class.bins();
+    if bins.last() == Some(&(BINS - 1)) {
+        return None;
+    }
+    let (before, last) = bins.split_at(bins.len().saturating_sub(3));
+    let code = |bins: &[usize]| bins.iter().fold(0, |code, &bin| code * BINS + bin);
+    let first = match bins.len() {
+        2 => 0,
+        3 => 2,
+        4 => 4,
+        _ => 9,
+    };
+    Some((code(last), first + code(before)))
+}
+
+/// A picture of a number in [0, 1] for each class; `None` leaves the cell grey.
+fn picture(value: impl Fn(usize) -> Option<f32>) -> Buffer {
+    let mut values = vec![0.0; COLUMNS * ROWS];
+    let mut known = vec![false; COLUMNS * ROWS];
+    for index in 0..LEN {
+        let place = GammaIndex::new(index).and_then(cell);
+        if let (Some((x, y)), Some(value)) = (place, value(index)) {
+            values[y * COLUMNS + x] = value;
+            known[y * COLUMNS + x] = true;
+        }
+    }
+    let mut picture = false_colour::map(COLUMNS, ROWS, &values);
+    let unknown = picture.pixels.iter_mut().zip(known).filter(|(_, k)| !k);
+    unknown.for_each(|(pixel, _)| *pixel = Rgb::splat(0.2));
+    picture
+}
+
+/// The learned factors of classes with events, and the number of these.
+pub(super) fn factors(gammas: &[f32], visits: &[u64]) -> Markup {
+    let most = visits.iter().copied().max().unwrap_or(0).max(2) as f32;
+    let visited = |index: usize| visits[index] > 0;
+    let factor = |gamma: f32| 1.0 - gamma.max(LEAST).ln() / LEAST.ln();
+    let seen = |count: u64| (1.0 + count as f32).ln() / (1.0 + most).ln();
+    let all = [
+        (
+            picture(|i| visited(i).then(|| factor(gammas[i]))),
+            "Factors, logarithmically: black is 0.002 or less, red 0.045, light yellow 1."
+                .to_owned(),
+        ),
+        (
+            picture(|i| visited(i).then(|| seen(visits[i]))),
+            format!("Events, logarithmically: black is none, light yellow {most}."),
+        ),
+    ];
+    html! {
+        h3 { "Factor by factor" }
+        p {
+            "A cell is a class of paths: blocks for 2, 3, 4 and 5 vertices. Along a row are the bins of the last three vertices, "
+            "the last one fastest; down a block those of the vertices before them. Grey are classes that no event visited, and those whose "
+            "last vertex is in the top bin."
+        }
+        .classes {
+            @for (picture, caption) in &all {
+                figure { img src=(html::data_uri(picture, 0.0)) alt=(caption); figcaption { (caption) } }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_live_class_has_a_cell_of_its_own() {
+        let all = || (0..LEN).filter_map(|i| GammaIndex::new(i).and_then(cell));
+        let cells: BTreeSet<_> = all().collect();
+        assert_eq!(all().count(), LEN / BINS * (BINS - 1));
+        assert_eq!(cells.len(), all().count());
+        assert!(cells.iter().all(|&(x, y)| x < COLUMNS && y < ROWS));
+        // An empty row after each block but the last.
+        assert!(
+            [1, 3, 8]
+                .iter()
+                .all(|gap| cells.iter().all(|(_, y)| y != gap))
+        );
+        let of = |bins: &[usize]| GammaIndex::from_bins(bins).and_then(cell);
+        assert_eq!(of(&[1, 2]), Some((6, 0)));
+        assert_eq!(of(&[3, 0, 1]), Some((49, 2)));
+        assert_eq!(of(&[2, 0, 0, 1]), Some((1, 6)));
+        assert_eq!(of(&[3, 3, 3, 3, 2]), Some((62, 24)));
+        assert_eq!(of(&[0, 3]), None);
+    }
+
+    #[test]
+    fn colours_follow_factors_and_unseen_classes_are_grey() {
+        let light = |pixel: Rgb| pixel.element_sum();
+        let shown = picture(|i| (i != 4).then_some([0.0, 0.5, 1.0][i % 4 % 3]));
+        let pixel = |x: usize, y: usize| shown.pixels[y * COLUMNS + x];
+        assert!(light(pixel(0, 0)) < light(pixel(1, 0)));
+        assert!(light(pixel(1, 0)) < light(pixel(2, 0)));
+        assert_eq!(pixel(3, 0), Rgb::splat(0.2), "top bin");
+        assert_eq!(pixel(4, 0), Rgb::splat(0.2), "no event");
+    }
+}
