@@ -5,9 +5,8 @@
 //!
 //! 1. [`record`] traces the paths of every crop once and keeps their events.
 //! 2. [`evaluate`] turns a recording into mean and second moment of every pixel, and their derivatives, at any table.
-//! 3. [`learn`] sums loss and gradient over the crops and lets Adam change the table. burn holds the parameters and steps. With
-//!    `method = "replay"` it differentiates the loss too; `tabulated`, the default, has that derivative by hand, bit for bit. No ray
-//!    is a tensor.
+//! 3. [`learn`] sums loss and gradient over the crops and lets Adam change the table: burn holds the parameters and steps. It
+//!    differentiates the loss of `method = "replay"`; that of `tabulated`, the default, is differentiated by hand.
 //!
 //! [`manifest`] lists the scenes, and [`reference`](mod@reference) has the pictures that the loss compares with.
 //! [`config`] has the settings of all three. [`score`], on top, puts tables beside constants; `examples/study.rs` does so on
