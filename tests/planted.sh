@@ -139,6 +139,12 @@ plant "what was not met is free of noise" src/resolve/coarse.rs \
 plant "darkness is never believed" src/resolve/coarse.rs \
     's/self\.variance \* \(-self\.expected \* times\)\.exp\(\)/self.variance/' \
     lib::resolve::tests::darkness_is_believed_where_hits_are_expected
+plant "light that the sharpest level lacks is dark" src/resolve/coarse.rs \
+    's/const AT_ONCE: f32 = 0.8/const AT_ONCE: f32 = 8.0/' \
+    lib::resolve::tests::light_that_the_sharpest_level_lacks_comes_back_and_a_bias_does_not
+plant "a bias counts as light that was not met" src/resolve/coarse.rs \
+    's/const AT_ONCE: f32 = 0.8/const AT_ONCE: f32 = -8.0/' \
+    lib::resolve::tests::light_that_the_sharpest_level_lacks_comes_back_and_a_bias_does_not
 plant "variance over a pixel's own noisy mean" src/resolve/statement.rs \
     's/self\.variance <= .*length_squared\(\)/true/' statement::stated_error_of_rare_hits_is_the_true_one
 

@@ -13,6 +13,9 @@
 //!
 //! with n' the pixels that are averaged. If hits are expected but none occur, the pixels are dark and the exponential is near zero.
 //! If no hit is expected, its absence is no evidence of darkness.
+//!
+//! At the scale of energies the variance of a level is at least the square of the light that it has [not met](unmet): a level without
+//! any hit of the sun has the light of the sky, which looks well sampled.
 
 use super::filter::{Size, tent};
 use super::layer::Batches;
@@ -54,6 +57,9 @@ const OF_MEDIAN: f32 = 10.0;
 
 /// Multiple of the mean hit around, over more pixels, that is added to it: where most batches are black, none is unusual.
 const OF_HITS: f32 = 4.0;
+
+/// Share of what a level lacks that the next one has where it is light that the level has not met.
+const AT_ONCE: f32 = 0.8;
 
 /// Share of the light below which differences are rounding.
 const ROUNDING: f32 = 1e-4;
@@ -186,13 +192,15 @@ impl Coarse {
         let mean = |level: usize| batches[level].iter().sum::<Vec3A>() / count as f32;
         let grey = |light: Vec3A| light.element_sum() / 3.0;
         let roughest = mean(levels.len() - 1);
+        let means: Vec<f32> = (0..levels.len()).map(|level| grey(mean(level))).collect();
         let noise: Vec<f32> = (0..levels.len())
             .map(|level| {
                 let size = self.hits[level][cell];
                 let missing = (roughest - mean(level)).max(Vec3A::ZERO) * size
                     / (count as f32 * AVERAGED)
                     * (-self.expected(AVERAGED, roughest, size)).exp();
-                grey(variance_of_mean(&batches[level][..count]) + missing)
+                let sampled = grey(variance_of_mean(&batches[level][..count]) + missing);
+                sampled.max(unmet(&means[level..]).powi(2))
             })
             .collect();
         let error = |level: usize| {
@@ -236,6 +244,17 @@ impl Coarse {
         };
         let cells = 0..self.cells.0 * self.cells.1;
         cells.into_par_iter().map(of).collect()
+    }
+}
+
+/// Light that the first of these levels, the sharpest, has not met; 0 where the rougher ones may be brighter by their bias. A bias grows
+/// with roughening to the last level. Light that is not met comes in at the next one, and those after it add hardly any.
+fn unmet(means: &[f32]) -> f32 {
+    match means {
+        [first, next, .., last] if next - first > AT_ONCE * (last - first) => {
+            (last - first).max(0.0)
+        }
+        _ => 0.0,
     }
 }
 

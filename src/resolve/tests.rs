@@ -1151,3 +1151,26 @@ fn an_even_floor_has_no_pepper() {
         assert!(share < most, "{samples} samples: {share}");
     }
 }
+
+/// Plain paths meet the sky and no sun, and look free of noise. A bias that grows with roughening is none of its light.
+#[test]
+fn light_that_the_sharpest_level_lacks_comes_back_and_a_bias_does_not() {
+    let energy = |suns: [f32; 4]| {
+        let light = |k: usize, b: usize, i: usize| {
+            let noise = stream((i * 4 + b) as u32).next_1d();
+            Rgb::splat(0.5 + suns[k] * (0.5 + noise))
+        };
+        let resolved = resolve_film(&levels(40, light, 4), Resolve::Default).picture;
+        let sum: f32 = resolved.pixels.iter().map(|p| p.x).sum();
+        sum / resolved.pixels.len() as f32
+    };
+    for (suns, expected) in [
+        ([0.0, 0.5, 0.5, 0.5], 1.0),
+        ([0.0, 0.45, 0.48, 0.5], 0.95),
+        ([0.0, 0.02, 0.1, 0.5], 0.5),
+        ([0.0, 0.0, 0.0, 0.5], 0.5),
+    ] {
+        let found = energy(suns);
+        assert!((found - expected).abs() < 0.05, "{suns:?}: {found}");
+    }
+}

@@ -246,6 +246,8 @@ static int opsr_energy(const opsr_film *f, const opsr_coarse *of, const float *l
                 for (int b = 0; b < OPSR_BATCHES; b++) mean[k][c] += smooth[((k * cells + cell) * 4 + b) * 3 + c] / OPSR_BATCHES;
             }
         for (int c = 0; c < 3; c++) grey += mean[rough][c] / 3.0f;
+        float greys[OPSR_MAX_LEVELS];
+        for (int k = 0; k < of->levels; k++) greys[k] = (mean[k][0] + mean[k][1] + mean[k][2]) / 3.0f;
         for (int k = 0; k < of->levels; k++) {
             float size = of->hits[k * cells + cell], away = expf(-opsr_expected(1762.0f, grey, size));
             noise[k] = 0.0f;
@@ -254,6 +256,9 @@ static int opsr_energy(const opsr_film *f, const opsr_coarse *of, const float *l
                 for (int b = 0; b < OPSR_BATCHES; b++) x[b] = smooth[((k * cells + cell) * 4 + b) * 3 + c];
                 noise[k] += (opsr_variance(x) + fmaxf(mean[rough][c] - mean[k][c], 0.0f) * size / (OPSR_BATCHES * 1762.0f) * away) / 3.0f;
             }
+            /* Light that this level has not met comes in at the next one; a bias grows to the last. */
+            float lacks = greys[rough] - greys[k];
+            if (k + 1 < rough && lacks > 0.0f && greys[k + 1] - greys[k] > 0.8f * lacks) noise[k] = fmaxf(noise[k], lacks * lacks);
             float bias = 0.0f;
             for (int j = 0; j < k; j++) {
                 float u = 0.0f;
