@@ -189,14 +189,13 @@ impl Coarse {
             .map(|level| level.each_ref().map(|batch| batch[cell]))
             .collect();
         let count = self.count;
-        let mean = |level: usize| batches[level].iter().sum::<Vec3A>() / count as f32;
-        let grey = |light: Vec3A| light.element_sum() / 3.0;
-        let roughest = mean(levels.len() - 1);
-        let means: Vec<f32> = (0..levels.len()).map(|level| grey(mean(level))).collect();
+        let mean = |batches: &[Vec3A; BATCHES]| batches.iter().sum::<Vec3A>() / count as f32;
+        let means: Vec<Vec3A> = batches.iter().map(mean).collect();
+        let roughest = means[levels.len() - 1];
         let noise: Vec<f32> = (0..levels.len())
             .map(|level| {
                 let size = self.hits[level][cell];
-                let missing = (roughest - mean(level)).max(Vec3A::ZERO) * size
+                let missing = (roughest - means[level]).max(Vec3A::ZERO) * size
                     / (count as f32 * AVERAGED)
                     * (-self.expected(AVERAGED, roughest, size)).exp();
                 let sampled = grey(variance_of_mean(&batches[level][..count]) + missing);
@@ -214,13 +213,12 @@ impl Coarse {
         let best =
             (1..levels.len()).fold(0, |best, k| if error(k) < error(best) { k } else { best });
         let variance = variance_of_mean(&batches[best][..count]);
-        brought(have, mean(best) - have, variance)
+        brought(have, means[best] - have, variance)
     }
 
     /// Expected hits in a number of pixels with this light, where each hit has this size.
     fn expected(&self, pixels: f32, light: Vec3A, size: f32) -> f32 {
-        let light = light.element_sum() / 3.0;
-        pixels * self.count as f32 * light / size.max(f32::MIN_POSITIVE)
+        pixels * self.count as f32 * grey(light) / size.max(f32::MIN_POSITIVE)
     }
 
     /// Its size in cells.
@@ -249,13 +247,21 @@ impl Coarse {
 
 /// Light that the first of these levels, the sharpest, has not met; 0 where the rougher ones may be brighter by their bias. A bias grows
 /// with roughening to the last level. Light that is not met comes in at the next one, and those after it add hardly any.
-fn unmet(means: &[f32]) -> f32 {
-    match means {
-        [first, next, .., last] if next - first > AT_ONCE * (last - first) => {
-            (last - first).max(0.0)
-        }
-        _ => 0.0,
+fn unmet(means: &[Vec3A]) -> f32 {
+    let [first, next, .., last] = means else {
+        return 0.0;
+    };
+    let [lacks, comes] = [last, next].map(|level| grey(*level) - grey(*first));
+    if comes > AT_ONCE * lacks {
+        lacks.max(0.0)
+    } else {
+        0.0
     }
+}
+
+/// Mean of the channels.
+fn grey(light: Vec3A) -> f32 {
+    light.element_sum() / 3.0
 }
 
 /// The factor that raises the light `have` by the part of `more` that is significant against this variance.

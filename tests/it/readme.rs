@@ -229,8 +229,12 @@ fn reference_fault(arguments: &[String], references: &[String]) -> Option<String
         arguments.get(place + 1)
     };
     let output = after("-o").or_else(|| after("--output"))?;
-    let is_named = |part: &str| output.contains(part);
-    let is_reference = is_named("raw") || is_named("reference") || references.contains(output);
+    let stem = Path::new(output).file_stem().and_then(|stem| stem.to_str());
+    let is_named = stem.is_some_and(|stem| {
+        let mut words = stem.split(|c: char| !c.is_ascii_alphanumeric());
+        words.any(|word| ["raw", "reference"].contains(&word))
+    });
+    let is_reference = is_named || references.contains(output);
     let is_raw = after("--resolve").is_some_and(|how| how == "raw");
     let is_render = arguments.first().is_some_and(|command| command == "render");
     (is_render && is_reference && !is_raw)
@@ -360,15 +364,20 @@ fn faults(document: &str, text: &str) -> Vec<String> {
     faults
 }
 
-/// Pages of a folder of documents, sorted.
-fn pages(folder: &str) -> Vec<String> {
+/// Files of a folder whose names end so, sorted.
+fn files(folder: &str, ending: &str) -> Vec<String> {
     let entries = std::fs::read_dir(root().join(folder)).unwrap();
     let names = entries.map(|entry| entry.unwrap().file_name().into_string().expect("UTF-8"));
-    let mut pages: Vec<String> = (names.filter(|name| name.ends_with(".md")))
+    let mut files: Vec<String> = (names.filter(|name| name.ends_with(ending)))
         .map(|name| format!("{folder}/{name}"))
         .collect();
-    pages.sort();
-    pages
+    files.sort();
+    files
+}
+
+/// Pages of a folder of documents, sorted.
+fn pages(folder: &str) -> Vec<String> {
+    files(folder, ".md")
 }
 
 #[test]
@@ -404,13 +413,11 @@ fn suite_faults(text: &str) -> Vec<String> {
 
 #[test]
 fn suites_have_valid_commands() {
-    let entries = std::fs::read_dir(root().join("suites")).unwrap();
-    let names = entries.map(|entry| entry.unwrap().file_name().into_string().expect("UTF-8"));
-    let suites: Vec<String> = names.filter(|name| name.ends_with(".toml")).collect();
+    let suites = files("suites", ".toml");
     assert!(suites.len() > 10, "{suites:?}");
     let mut all = Vec::new();
     for suite in &suites {
-        let text = read(&format!("suites/{suite}"));
+        let text = read(suite);
         assert!(
             text.contains("\n#     opsr bench suites/"),
             "{suite}: no command"

@@ -238,18 +238,16 @@ static int opsr_energy(const opsr_film *f, const opsr_coarse *of, const float *l
         failed |= opsr_tent(have, g.columns, g.rows, 3, 3);
     }
     for (size_t cell = 0; !failed && cell < cells; cell++) {
-        float mean[OPSR_MAX_LEVELS][3], noise[OPSR_MAX_LEVELS], grey = 0.0f, least = FLT_MAX;
+        float mean[OPSR_MAX_LEVELS][3], greys[OPSR_MAX_LEVELS], noise[OPSR_MAX_LEVELS], least = FLT_MAX;
         int rough = of->levels - 1, best = 0;
         for (int k = 0; k < of->levels; k++)
             for (int c = 0; c < 3; c++) {
                 mean[k][c] = 0.0f;
                 for (int b = 0; b < OPSR_BATCHES; b++) mean[k][c] += smooth[((k * cells + cell) * 4 + b) * 3 + c] / OPSR_BATCHES;
             }
-        for (int c = 0; c < 3; c++) grey += mean[rough][c] / 3.0f;
-        float greys[OPSR_MAX_LEVELS];
         for (int k = 0; k < of->levels; k++) greys[k] = (mean[k][0] + mean[k][1] + mean[k][2]) / 3.0f;
         for (int k = 0; k < of->levels; k++) {
-            float size = of->hits[k * cells + cell], away = expf(-opsr_expected(1762.0f, grey, size));
+            float size = of->hits[k * cells + cell], away = expf(-opsr_expected(1762.0f, greys[rough], size));
             noise[k] = 0.0f;
             for (int c = 0; c < 3; c++) {
                 float x[OPSR_BATCHES];

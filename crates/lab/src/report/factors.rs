@@ -9,12 +9,16 @@ use opsr::image::Buffer;
 use opsr::math::Rgb;
 use opsr::regularise::{BINS, GammaIndex, LEN};
 use opsr_metric::false_colour;
+use opsr_train::record::visits::is_live;
 
 /// Cells of a row.
 const COLUMNS: usize = BINS * BINS * BINS;
 
+/// First rows of the blocks.
+const FIRST: [usize; 4] = [0, 2, 4, 9];
+
 /// Rows of the picture.
-const ROWS: usize = 1 + 1 + 1 + 1 + 4 + 1 + 16;
+const ROWS: usize = FIRST[3] + BINS * BINS;
 
 /// Least factor that has a colour of its own: the least one of a recording.
 const LEAST: f32 = 0.002;
@@ -22,18 +26,9 @@ const LEAST: f32 = 0.002;
 /// Column and row of a class; `None` where the last vertex is in the top bin, which leaves hardly anything to roughen.
 fn cell(class: GammaIndex) -> Option<(usize, usize)> {
     let bins = class.bins();
-    if bins.last() == Some(&(BINS - 1)) {
-        return None;
-    }
     let (before, last) = bins.split_at(bins.len().saturating_sub(3));
     let code = |bins: &[usize]| bins.iter().fold(0, |code, &bin| code * BINS + bin);
-    let first = match bins.len() {
-        2 => 0,
-        3 => 2,
-        4 => 4,
-        _ => 9,
-    };
-    Some((code(last), first + code(before)))
+    is_live(class).then(|| (code(last), FIRST[bins.len() - 2] + code(before)))
 }
 
 /// A picture of a number in [0, 1] for each class; `None` leaves the cell grey.
@@ -53,48 +48,51 @@ fn picture(value: impl Fn(usize) -> Option<f32>) -> Buffer {
     picture
 }
 
-/// The learned factors of classes with events, and the number of these.
+/// The learned factors of classes with events.
 pub(super) fn factors(gammas: &[f32], visits: &[u64]) -> Markup {
-    let most = visits.iter().copied().max().unwrap_or(0).max(2) as f32;
-    let visited = |index: usize| visits[index] > 0;
     let factor = |gamma: f32| 1.0 - gamma.max(LEAST).ln() / LEAST.ln();
-    let seen = |count: u64| (1.0 + count as f32).ln() / (1.0 + most).ln();
-    let all = [
-        (
-            picture(|i| visited(i).then(|| factor(gammas[i]))),
-            "Factors, logarithmically: black is 0.002 or less, red 0.045, light yellow 1."
-                .to_owned(),
-        ),
-        (
-            picture(|i| visited(i).then(|| seen(visits[i]))),
-            format!("Events, logarithmically: black is none, light yellow {most}."),
-        ),
-    ];
+    let shown = picture(|i| (visits[i] > 0).then(|| factor(gammas[i])));
+    let middle = LEAST.sqrt();
+    let caption = format!(
+        "Factors, logarithmically: black is {LEAST} or less, red {middle:.3}, light yellow 1."
+    );
+    figure(&shown, &caption)
+}
+
+/// The events of all classes, and how to read pictures of them.
+pub(super) fn events(visits: &[u64]) -> Markup {
+    let most = visits.iter().copied().max().unwrap_or(0).max(1);
+    let seen = |count: u64| (1.0 + count as f32).ln() / (1.0 + most as f32).ln();
+    let shown = picture(|i| (visits[i] > 0).then(|| seen(visits[i])));
+    let caption = format!("Events, logarithmically: black is none, light yellow {most}.");
     html! {
-        h3 { "Factor by factor" }
+        h2 { "Classes" }
         p {
             "A cell is a class of paths: blocks for 2, 3, 4 and 5 vertices. Along a row are the bins of the last three vertices, "
             "the last one fastest; down a block those of the vertices before them. Grey are classes that no event visited, and those whose "
             "last vertex is in the top bin."
         }
-        .classes {
-            @for (picture, caption) in &all {
-                figure { img src=(html::data_uri(picture, 0.0)) alt=(caption); figcaption { (caption) } }
-            }
-        }
+        (figure(&shown, &caption))
+    }
+}
+
+fn figure(picture: &Buffer, caption: &str) -> Markup {
+    html! {
+        figure.classes { img src=(html::data_uri(picture, 0.0)) alt=(caption); figcaption { (caption) } }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use opsr_train::record::visits::LIVE;
     use std::collections::BTreeSet;
 
     #[test]
     fn every_live_class_has_a_cell_of_its_own() {
         let all = || (0..LEN).filter_map(|i| GammaIndex::new(i).and_then(cell));
         let cells: BTreeSet<_> = all().collect();
-        assert_eq!(all().count(), LEN / BINS * (BINS - 1));
+        assert_eq!(all().count(), LIVE);
         assert_eq!(cells.len(), all().count());
         assert!(cells.iter().all(|&(x, y)| x < COLUMNS && y < ROWS));
         // An empty row after each block but the last.

@@ -1,8 +1,7 @@
 //! Report of a training: the learned tables, their data, and their scores beside constant factors.
 
-use super::factors::factors;
-use super::html;
 use super::plot::{self, Axis, Line};
+use super::{factors, html};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use maud::{Markup, html};
 use opsr::image::{Buffer, png};
@@ -150,6 +149,7 @@ impl Report {
                 (LIVE) " live classes, " (visits.live_with(100)) " of them at least 100 times."
             }
             (legend())
+            (factors::events(&self.visits))
             @for learned in &self.tables { (self.learned(learned)) }
             h2 { "Settings" }
             pre { (settings) }
@@ -171,7 +171,8 @@ impl Report {
                 h3 { "Validation crops: scenes that nothing was learned from" }
                 (scores(&l.validation))
             }
-            (factors(&l.table.gammas[..], &self.visits))
+            h3 { "Factor by factor" }
+            (factors::factors(&l.table.gammas[..], &self.visits))
             h3 { "Crop by crop" }
             (crops(&self.names, &l.crops, l.beta))
             @if !l.validation.is_empty() { (crops(&self.validation_names, &l.validation_crops, l.beta)) }

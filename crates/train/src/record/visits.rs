@@ -80,6 +80,6 @@ impl Visits {
 }
 
 /// True if the last vertex of a class is below the top bin.
-fn is_live(class: GammaIndex) -> bool {
+pub fn is_live(class: GammaIndex) -> bool {
     class.bins().last().is_some_and(|&bin| bin + 1 < BINS)
 }
