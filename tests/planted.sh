@@ -322,6 +322,13 @@ plant "merges: emission counts those beside the light" src/integrator/bidirectio
 plant "merges: all photons merge" src/integrator/bidirectional/photons.rs \
     's/filter\(\|\(_, photon\)\| photon\.merges\(\)\)/filter(|(_, photon)| true || photon.merges())/' \
     bidirectional::photons::photons_do_not_darken_thin_parts
+plant "translucent: the other side has the reflectance" src/bsdf/translucent.rs \
+    's/NO_LOBE, self\.transmitted/NO_LOBE, self.gloss.albedo/' bsdf::translucent_surface_reflects_and_transmits_what_it_says
+plant "translucent: the sides change their densities" src/bsdf/translucent.rs \
+    's/let \[glossy, reflected, transmitted\]/let [glossy, transmitted, reflected]/' bsdf::chi_square_of_sample_against_pdf
+plant "translucent: light walks take the surface for opaque" src/bsdf/mod.rs \
+    's/Self::Anisotropic\(_\) \| Self::Exact\(_\)/Self::Anisotropic(_) | Self::Exact(_) | Self::Translucent(_)/' \
+    bidirectional::strategies::agreement_of_each_strategy_through_translucent_sheets
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

@@ -194,6 +194,25 @@ def test_mixtures_of_shaders(tmp_path):
     assert any("Bsdf_Hair is not translated" in note for note in notes)
 
 
+@pytest.mark.parametrize("kind", ["alone", "MIX_SHADER", "ADD_SHADER"])
+def test_translucent_shaders_transmit(tmp_path, kind):
+    tree = Tree()
+    node = tree.node("BSDF_TRANSLUCENT", Color=(0.2, 0.4, 0.1, 1))
+    if kind != "alone":
+        through, node = node, tree.node(kind, **({"Fac": 0.25} if kind == "MIX_SHADER" else {}), A=None, B=None)
+        tree.link(tree.node("BSDF_DIFFUSE", Color=(0.1, 0.6, 0.3, 1)), node, "A")
+        tree.link(through, node, "B")
+    read, notes = translated(tree, node, tmp_path)
+    extension = read["extensions"]["KHR_materials_diffuse_transmission"]
+    share = extension["diffuseTransmissionFactor"]
+    reflected = [(1 - share) * c for c in read["pbrMetallicRoughness"]["baseColorFactor"][:3]]
+    transmitted = [share * c for c in extension["diffuseTransmissionColorFactor"]]
+    a, b = {"alone": (0, 1), "MIX_SHADER": (0.75, 0.25), "ADD_SHADER": (1, 1)}[kind]
+    assert reflected == pytest.approx([a * c for c in (0.1, 0.6, 0.3)])
+    assert transmitted == pytest.approx([b * c for c in (0.2, 0.4, 0.1)])
+    assert read["extensions"]["KHR_materials_specular"]["specularFactor"] == 0 and notes == []
+
+
 def test_a_body_is_black_at_no_temperature():
     # The white of Rec. 709 is a daylight of 6504 K: a black body near it is nearly white.
     assert materials.blackbody(6500) == pytest.approx((1, 1, 1), abs=0.06)

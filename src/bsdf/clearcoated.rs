@@ -17,7 +17,7 @@
 
 use super::fresnel::schlick;
 use super::sheen::{Sheen, sheen_albedo};
-use super::{Anisotropic, Exact, Iridescent, ThinDielectric};
+use super::{Anisotropic, Exact, Iridescent, ThinDielectric, Translucent};
 use super::{
     Bsdf, BsdfSample, Dielectric, Diffuse, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery,
 };
@@ -53,6 +53,7 @@ enum Base {
     Iridescent(Iridescent),
     Sheen(Sheen),
     Exact(Exact),
+    Translucent(Translucent),
 }
 
 /// Coat and sheen over a base.
@@ -145,6 +146,7 @@ impl Clearcoated {
             Bsdf::Iridescent(l) => Base::Iridescent(l),
             Bsdf::Sheen(l) => Base::Sheen(l),
             Bsdf::Exact(l) => Base::Exact(l),
+            Bsdf::Translucent(l) => Base::Translucent(l),
             Bsdf::Clearcoated(l) => l.base,
             // No surface, which could have a coat.
             Bsdf::Phase(_) => return base,
@@ -163,6 +165,7 @@ impl Clearcoated {
             Base::Iridescent(l) => Bsdf::Iridescent(l),
             Base::Sheen(l) => Bsdf::Sheen(l),
             Base::Exact(l) => Bsdf::Exact(l),
+            Base::Translucent(l) => Bsdf::Translucent(l),
         }
     }
 

@@ -60,6 +60,18 @@ pub struct ThinDielectric {
     pub distribution: Distribution,
 }
 
+/// Query of a surface that scatters nothing.
+pub(super) const NO_LOBE: LobeQuery = LobeQuery {
+    base: Rgb::ZERO,
+    base_pdf: 0.0,
+    scale: Rgb::ZERO,
+    pdf_scale: 0.0,
+    tan2_h: 0.0,
+    tan2_o: 0.0,
+    tan2_i: 0.0,
+    distribution: Distribution::Beckmann,
+};
+
 /// Difference of the indices below which an interface is invisible: refraction through a rough one tends to a straight
 /// line, whose half vector single precision cannot resolve.
 const MATCHED: f32 = 5e-4;
@@ -149,12 +161,7 @@ impl Diffuse {
         (wo.z > 0.0 && wi.z > 0.0).then(|| LobeQuery {
             base: self.albedo * (wi.z * FRAC_1_PI),
             base_pdf: wi.z * FRAC_1_PI,
-            scale: Rgb::ZERO,
-            pdf_scale: 0.0,
-            tan2_h: 0.0,
-            tan2_o: 0.0,
-            tan2_i: 0.0,
-            distribution: Distribution::Beckmann,
+            ..NO_LOBE
         })
     }
 
@@ -197,6 +204,19 @@ impl Glossy {
         (glossy / (glossy + base)).clamp(0.05, 0.95)
     }
 
+    /// Factor of albedo/π in the base's value at these cosines: what enters and leaves a smooth coat, over what leaves it
+    /// on the mean.
+    ///
+    /// Deviates from glTF's (1 − F(o·h)) · albedo/π, which gains energy at grazing angles: up to 0.9 of the
+    /// albedo on top of a mirror. The coupling by Kelemen and Szirmay-Kalos (2001) is reciprocal, does not
+    /// depend on α, and with a smooth coat both lobes sum to exactly F + (1 − F) albedo. A rough coat may
+    /// reflect more than the smooth one: a white base then gains up to 0.6 % (α = 0.2, 55°).
+    #[inline]
+    pub(super) fn coupling(&self, cos_o: f32, cos_i: f32) -> Rgb {
+        let average = Rgb::ONE - schlick_average(self.f0, self.f90);
+        self.through(cos_o) * self.through(cos_i) / average.max(Rgb::splat(1e-6))
+    }
+
     #[inline]
     pub(super) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
         let (wo, wi) = (above(wo.z, wo), above(wo.z, wi));
@@ -206,13 +226,7 @@ impl Glossy {
             let p = self.glossy_probability(wo.z);
             query.pdf_scale *= p;
             query.base_pdf = (1.0 - p) * wi.z * FRAC_1_PI;
-            // Deviates from glTF's (1 − F(o·h)) · albedo/π, which gains energy at grazing angles: up to 0.9 of the
-            // albedo on top of a mirror. The coupling by Kelemen and Szirmay-Kalos (2001) is reciprocal, does not
-            // depend on α, and with a smooth coat both lobes sum to exactly F + (1 − F) albedo. A rough coat may
-            // reflect more than the smooth one: a white base then gains up to 0.6 % (α = 0.2, 55°).
-            let average = Rgb::ONE - schlick_average(self.f0, self.f90);
-            let coupling = self.through(wo.z) * self.through(wi.z) / average.max(Rgb::splat(1e-6));
-            query.base = self.albedo * coupling * (wi.z * FRAC_1_PI);
+            query.base = self.albedo * self.coupling(wo.z, wi.z) * (wi.z * FRAC_1_PI);
         }
         Some(query)
     }

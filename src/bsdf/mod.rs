@@ -28,6 +28,7 @@ mod numbers;
 pub mod phase;
 pub(crate) mod sheen;
 mod slope;
+mod translucent;
 
 pub use anisotropic::{Anisotropic, anisotropic};
 pub use clearcoated::{Clearcoated, Covers, clearcoated, covered};
@@ -38,6 +39,7 @@ pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric, is_matched};
 pub use numbers::{LobeNumbers, SharedNumbers};
 pub use phase::Phase;
 pub use sheen::Sheen;
+pub use translucent::{Translucent, translucent};
 
 /// Roughness below which a lobe is a Dirac delta: single precision cannot evaluate a sharper one at grazing angles.
 pub const DELTA_ALPHA: f32 = 1e-3;
@@ -81,7 +83,7 @@ pub struct BsdfEval {
 /// Lobe of a BSDF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
-    /// Lambertian lobe, α = 1.
+    /// Lambertian lobe, α = 1; on both sides of a [`Translucent`] surface.
     Diffuse,
     /// Glossy lobe on the side of `wo`.
     Reflection,
@@ -128,6 +130,8 @@ pub enum Bsdf {
     Sheen(Sheen),
     /// [`Glossy`] with Fresnel's equations in place of Schlick's approximation.
     Exact(Exact),
+    /// [`Glossy`] whose base scatters on both sides.
+    Translucent(Translucent),
     /// A point of a medium: no surface, and no cosine in its value.
     Phase(Phase),
 }
@@ -218,6 +222,7 @@ impl Bsdf {
             Self::Iridescent(l) => l.base().reflectance(),
             Self::Sheen(s) => s.color,
             Self::Exact(e) => e.reflectance(),
+            Self::Translucent(t) => Self::Glossy(t.folded()).reflectance(),
             Self::Phase(_) => Rgb::ONE,
             Self::Clearcoated(c) => c.base().reflectance() * c.through(Vec3::Z, Vec3::Z),
         }
@@ -237,6 +242,7 @@ impl Bsdf {
             Self::Iridescent(l) => l.base().alpha(),
             Self::Sheen(_) => 1.0,
             Self::Exact(l) => l.alpha,
+            Self::Translucent(l) => l.coat().alpha,
             Self::Phase(l) => l.alpha(),
         }
     }
@@ -255,6 +261,7 @@ impl Bsdf {
             Self::Iridescent(l) => l.query(wo, wi),
             Self::Sheen(l) => l.query(wo, wi),
             Self::Exact(l) => l.query(wo, wi),
+            Self::Translucent(l) => l.query(wo, wi),
             Self::Phase(l) => l.query(wo, wi),
         }
     }
@@ -342,6 +349,7 @@ impl Bsdf {
             Self::Iridescent(l) => l.direction(alpha, wo, u),
             Self::Sheen(l) => l.direction(wo, u.uniform()),
             Self::Exact(l) => l.direction(alpha, wo, u),
+            Self::Translucent(l) => l.direction(alpha, wo, u),
             Self::Phase(l) => Some(l.direction(alpha, wo, u)),
         }
     }
@@ -359,6 +367,7 @@ impl Bsdf {
             Self::Iridescent(l) => l.complete(alpha, wo, wi, lobe),
             Self::Sheen(l) => l.complete(wo, wi),
             Self::Exact(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Translucent(l) => l.complete(alpha, wo, wi, lobe),
             Self::Phase(l) => l.complete(alpha, wo, wi, lobe),
         }
     }
@@ -367,7 +376,7 @@ impl Bsdf {
     #[inline]
     pub fn is_delta_at(&self, alpha: f32) -> bool {
         let has_base = match self {
-            Self::Diffuse(_) | Self::Sheen(_) => true,
+            Self::Diffuse(_) | Self::Sheen(_) | Self::Translucent(_) => true,
             Self::Glossy(glossy) => glossy.albedo != Rgb::ZERO,
             // An interface between equal indices passes light straight on at any roughness.
             Self::Dielectric(l) if l.is_matched() => return true,
@@ -386,6 +395,7 @@ impl Bsdf {
     pub(crate) fn is_diffuse(&self) -> bool {
         match self {
             Self::Diffuse(_) | Self::Sheen(_) => true,
+            Self::Translucent(l) => !l.is_coated(),
             Self::Clearcoated(l) => l.base().is_diffuse(),
             _ => false,
         }
@@ -402,6 +412,7 @@ impl Bsdf {
             Self::Anisotropic(l) => Self::Anisotropic(l.without_diffuse()),
             Self::Iridescent(l) => Self::Iridescent(l.without_diffuse()),
             Self::Exact(l) => Self::Exact(l.without_diffuse()),
+            Self::Translucent(l) if l.is_coated() => Self::Glossy(l.coat()),
             other => other,
         }
     }
@@ -418,6 +429,7 @@ impl Bsdf {
             Self::Iridescent(_) => "iridescent",
             Self::Sheen(_) => "sheen",
             Self::Exact(_) => "glossy, exact",
+            Self::Translucent(_) => "translucent",
             Self::Phase(_) => "medium",
         }
     }
@@ -437,6 +449,7 @@ impl Bsdf {
             Self::Glossy(lobe) => lobe.albedo,
             Self::Anisotropic(lobe) => lobe.isotropic().albedo,
             Self::Exact(lobe) => lobe.albedo(),
+            Self::Translucent(lobe) => lobe.folded().albedo,
             Self::Iridescent(lobe) => match lobe.base() {
                 Self::Glossy(lobe) => lobe.albedo,
                 _ => Rgb::ZERO,

@@ -6,7 +6,8 @@ use super::material::{Coordinates, Look, Material, TextureRef};
 use super::{Scene, SceneParts, Surface, Texture};
 use crate::bsdf::fresnel::{conductor, dielectric_average};
 use crate::bsdf::{
-    Bsdf, Covers, Exact, Film, Glossy, Interface, Sheen, anisotropic, covered, iridescent,
+    Bsdf, Covers, Diffuse, Exact, Film, Glossy, Interface, Sheen, anisotropic, covered, iridescent,
+    translucent,
 };
 use crate::math::{Frame, Rgb, Vec2};
 
@@ -23,6 +24,8 @@ pub struct Finish {
     pub film: Option<FilmCover>,
     /// Reflection by Fresnel's equations.
     pub exact: Option<ExactCover>,
+    /// Light that the base scatters on its other side.
+    pub translucency: Option<Translucency>,
     /// Another material that takes the place of this one on a share of the surface.
     pub mix: Option<Mix>,
     /// Textures of the reflectance of a dielectric.
@@ -72,6 +75,21 @@ pub struct FilmCover {
     pub texture: Option<TextureRef>,
     /// Thickness in green.
     pub thickness_texture: Option<TextureRef>,
+}
+
+/// Light that a surface scatters on its other side `[KHR_materials_diffuse_transmission]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Translucency {
+    /// Share of the base that transmits in place of reflecting, in [0, 1].
+    pub weight: f32,
+    /// Transmittance of that share.
+    pub color: Rgb,
+    /// Factor of the weight in alpha.
+    pub texture: Option<TextureRef>,
+    /// Factor of the colour (sRGB).
+    pub color_texture: Option<TextureRef>,
+    /// True if the rest of the base reflects what its colour says in place of its share of it.
+    pub keeps_base: bool,
 }
 
 /// Reflection by Fresnel's equations; the base colour is that of the base, or the factor of a metal's reflectance.
@@ -191,6 +209,11 @@ impl Material {
         self.finish.as_ref()?.clearcoat.as_ref()
     }
 
+    /// Light that the base scatters on its other side.
+    pub fn translucency(&self) -> Option<&Translucency> {
+        self.finish.as_ref()?.translucency.as_ref()
+    }
+
     /// True under a clear coat or sheen.
     pub(super) fn is_covered(&self) -> bool {
         let covered = |finish: &Finish| {
@@ -234,6 +257,8 @@ impl Finish {
         let pairs = sheen.into_iter().chain(film).chain([specular]).flatten();
         let gloss = self.specular.gloss.as_ref().map(|(map, _)| map);
         let mix = self.mix.as_ref().and_then(|mix| mix.texture.as_ref());
+        let through = (self.translucency.as_ref()).map(|t| [&t.texture, &t.color_texture]);
+        let pairs = pairs.chain(through.into_iter().flatten());
         let known = coat.into_iter().flatten().chain(brushing).chain(pairs);
         known.flatten().chain(gloss).chain(mix)
     }
@@ -307,6 +332,32 @@ impl SheenCover {
             alpha *= roughness * roughness;
         }
         Sheen { color, alpha }
+    }
+}
+
+impl Translucency {
+    /// The BSDF whose base transmits so, for that of the surface where it looks so.
+    fn over(&self, look: &Look, base: Bsdf, textures: &[Texture], uv: [Vec2; 2]) -> Bsdf {
+        let (mut weight, mut color) = (self.weight, self.color);
+        if let Some(map) = &self.texture {
+            weight *= map.sample(textures, uv)[3];
+        }
+        if let Some(map) = &self.color_texture {
+            let [r, g, b, _] = map.sample(textures, uv);
+            color *= Rgb::new(r, g, b);
+        }
+        let kept = if self.keeps_base { 1.0 } else { 1.0 - weight };
+        let base = match base {
+            Bsdf::Diffuse(l) => Bsdf::Diffuse(Diffuse {
+                albedo: l.albedo * kept,
+            }),
+            Bsdf::Glossy(l) => Bsdf::Glossy(Glossy {
+                albedo: l.albedo * kept,
+                ..l
+            }),
+            other => return other,
+        };
+        translucent(base, color * (weight * (1.0 - look.metallic)))
     }
 }
 
@@ -384,7 +435,11 @@ impl Scene {
         finish.reflect(&mut look, textures, uv);
         let film = finish.film.as_ref().map(|film| film.at(textures, uv));
         let at: &Surface = surface;
-        let base = |u| match (material.bsdf_of(&look, u), &finish.anisotropy, film) {
+        let plain = |u| match &finish.translucency {
+            None => material.bsdf_of(&look, u),
+            Some(through) => through.over(&look, material.bsdf_of(&look, u), textures, uv),
+        };
+        let base = |u| match (plain(u), &finish.anisotropy, film) {
             (base, _, Some(film)) if film.weight > 0.0 => iridescent(base, film),
             (base, Some(anisotropy), _) => match finish.exactly(material, base) {
                 Bsdf::Glossy(lobe) => anisotropy.brushed(self, at, uv, lobe),

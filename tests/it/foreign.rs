@@ -366,6 +366,41 @@ fn foreign_scenes_are_written_as_gltf() {
     assert!((before / after - 1.0).abs() < 0.1, "{before} {after}");
 }
 
+/// A sheet that reflects and transmits by two colours, as glTF's one base does.
+#[test]
+fn foreign_translucent_sheet_as_gltf_transmits_as_much() {
+    use opsr_lab::gallery::{glb, lowered};
+    let folder = crate::support::quick_folder();
+    let path = folder.path().join("sheet.pbrt");
+    let text = "LookAt 0 0 3 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 5 WorldBegin\n\
+        LightSource \"point\" \"point3 from\" [ 0 0 LIGHT ]\n\
+        Material \"diffusetransmission\" \"rgb reflectance\" [ 0.6 0.2 0.1 ] \"rgb transmittance\" [ 0.1 0.3 0.05 ]\n\
+        Shape \"disk\"";
+    for light in ["2", "-2"] {
+        std::fs::write(&path, text.replace("LIGHT", light)).unwrap();
+        let read = load(&path, &opsr_formats::options()).unwrap().parts;
+        let made = lowered::lowered(read.clone());
+        assert!(made.lost.is_empty() && made.changed.is_empty());
+        let written = folder.path().join("sheet.glb");
+        glb::save(&made.parts, &written).unwrap();
+        let again = load(&written, &opsr_formats::options()).unwrap().parts;
+        let [before, after] = [read, again].map(|parts| {
+            let scene = Scene::new(parts);
+            let picture = Render::new(&scene).size(4, 4).spp(16).run().unwrap();
+            picture.shown.picture.pixels.iter().copied().sum::<Rgb>() / 16.0
+        });
+        let expected = match light {
+            "2" => Rgb::new(0.6, 0.2, 0.1),
+            _ => Rgb::new(0.1, 0.3, 0.05),
+        } / (4.0 * std::f32::consts::PI);
+        let far = |found: Rgb| (found / expected - Rgb::ONE).abs().max_element();
+        assert!(
+            far(before) < 0.01 && far(after) < 0.01,
+            "{before} {after} {expected}"
+        );
+    }
+}
+
 /// What light a layer of plastic returns to the base, which takes on its colour again, is written into the colour.
 #[test]
 fn foreign_plastic_as_gltf_reflects_as_much() {

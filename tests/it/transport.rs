@@ -9,7 +9,7 @@ use opsr::sampler::{Independent, Seed};
 use opsr::scene::camera::Projection;
 use opsr::scene::material::TextureRef;
 use opsr::scene::procedural::materials::{
-    GOLD, coated, diffuse, emitter, glass, metal, tinted_glass,
+    GOLD, clearcoated, coated, diffuse, emitter, glass, metal, tinted_glass, translucent,
 };
 use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{Environment, Material, Scene, SceneParts, Texture};
@@ -240,6 +240,20 @@ fn naive_tracer_agrees_on_metal_glass_and_coats() {
             coated("lacquer", Rgb::new(0.1, 0.3, 0.6), 0.05),
             [cuboid(Vec3::new(0.1, 0.0, -0.9), Vec3::new(0.7, 0.9, -0.4))],
         );
+    });
+    assert_naive_agrees(&room, "room");
+}
+
+#[test]
+fn naive_tracer_agrees_on_what_transmits_diffusely() {
+    let room = lit_room(|parts| {
+        let shade = cuboid(Vec3::new(-0.7, 0.7, -0.7), Vec3::new(0.1, 1.3, 0.1));
+        let paper = diffuse("paper", Rgb::splat(0.9));
+        parts.add(translucent(paper, 0.5, Rgb::new(0.9, 0.8, 0.5)), [shade]);
+        let blade = quad(Vec3::new(0.2, 0.1, 0.4), Vec3::new(0.6, 0.3, -0.8), Vec3::Y);
+        let green = coated("leaf", Rgb::new(0.2, 0.6, 0.1), 0.1);
+        let leaf = translucent(green, 0.4, Rgb::new(0.5, 0.9, 0.2));
+        parts.add(clearcoated(leaf, 0.02), [blade]);
     });
     assert_naive_agrees(&room, "room");
 }

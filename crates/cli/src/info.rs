@@ -199,6 +199,7 @@ fn material(m: &Material) -> serde_json::Value {
         (true, false) => "thin-walled transmission",
         _ if m.phase.is_some() => "phase function",
         _ if m.metallic >= 1.0 => "metal",
+        _ if m.translucency().is_some() => "diffuse transmission",
         _ if m.is_lambert() => "lambert",
         _ => "glossy over lambert",
     };

@@ -19,6 +19,9 @@ PLAIN = {
     "coat_roughness": 0.03,
     "sheen": (0.0, 0.0, 0.0),
     "sheen_roughness": 0.5,
+    # Share of the base that transmits diffusely, and the colour of that light.
+    "translucent": 0.0,
+    "through": (0.8, 0.8, 0.8),
 }
 BLACK = {**PLAIN, "color": (0.0, 0.0, 0.0), "specular": 0.0, "roughness": 1.0}
 # Nodes between a socket and an image that the exporter sees through.
@@ -117,8 +120,7 @@ class Reader:
         return {**BLACK, "alpha": 0.0}
 
     def of_bsdf_translucent(self, node):
-        self.note(f"{node.name} is shown as a diffuse reflection")
-        return self.of_bsdf_diffuse(node)
+        return {**BLACK, "translucent": 1.0, "through": self.number(node, "Color")}
 
     def of_subsurface_scattering(self, node):
         self.note(f"{node.name} is shown as a diffuse reflection")
@@ -135,6 +137,10 @@ class Reader:
         a, b = self.shader(node, 0), self.shader(node, 1)
         if a is None or b is None:
             return a or b
+        if a["translucent"] == 1.0 or b["translucent"] == 1.0:
+            through, base = (a, b) if a["translucent"] == 1.0 else (b, a)
+            if base["translucent"] == 0.0 and not is_dark(base):
+                return added(base, through["through"])
         lit, base = (a, b) if is_dark(a) else (b, a)
         if not is_dark(lit):
             self.note(f"{node.name} adds two surfaces: only the first is shown")
@@ -164,13 +170,19 @@ class Reader:
         if is_clear(a) or is_clear(b):
             look, seen = (b, share) if is_clear(a) else (a, 1 - share)
             return {**look, "alpha": look["alpha"] * seen}
-        exact = {"color", "emission", "alpha", "principled"}
+        exact = {"color", "emission", "alpha", "principled", "translucent", "through"}
         if any(a.get(key) != b.get(key) for key in a if key not in exact):
             self.note(f"{node.name} mixes two shaders: one with the mean of their numbers is shown")
         look = {key: mean(a[key], b[key], share) for key in PLAIN}
         # Numbers of what is not there do not count.
-        for key, weight in (("sheen_roughness", "sheen"), ("coat_roughness", "coat")):
-            weights = [(1 - share) * strongest(a[weight]), share * strongest(b[weight])]
+        parts = {
+            "sheen_roughness": lambda look: strongest(look["sheen"]),
+            "coat_roughness": lambda look: look["coat"],
+            "color": lambda look: 1 - look["translucent"],
+            "through": lambda look: look["translucent"],
+        }
+        for key, weight in parts.items():
+            weights = [(1 - share) * weight(a), share * weight(b)]
             if sum(weights) > 0:
                 look[key] = mean(a[key], b[key], weights[1] / sum(weights))
         look["principled"] = a.get("principled") or b.get("principled")
@@ -187,13 +199,22 @@ def mean(a, b, share):
     return (1 - share) * a + share * b
 
 
+def added(look, through):
+    """A look whose base transmits this colour beside what it reflects."""
+    reflected, transmitted = max(look["color"]), max(through)
+    share = transmitted / max(reflected + transmitted, 1e-6)
+    scaled = lambda color, part: tuple(c / part if part > 0 else 0.0 for c in color)
+    return {**look, "color": scaled(look["color"], 1 - share), "translucent": share, "through": scaled(through, share)}
+
+
 def is_clear(look):
     return look["alpha"] == 0.0
 
 
 def is_dark(look):
     """True for a shader that only emits."""
-    return look["color"] == (0.0, 0.0, 0.0) and look["specular"] == 0.0 and look["alpha"] == 1.0
+    dark = look["color"] == (0.0, 0.0, 0.0) and look["specular"] == 0.0 and look["alpha"] == 1.0
+    return dark and look["translucent"] == 0.0
 
 
 def blackbody(kelvin):
@@ -313,6 +334,12 @@ def set_look(glb, target, look):
         "KHR_materials_transmission": {"transmissionFactor": look["transmission"]} if look["transmission"] > 0 else None,
         "KHR_materials_clearcoat": {"clearcoatFactor": look["coat"], "clearcoatRoughnessFactor": look["coat_roughness"]}
         if look["coat"] > 0
+        else None,
+        "KHR_materials_diffuse_transmission": {
+            "diffuseTransmissionFactor": look["translucent"],
+            "diffuseTransmissionColorFactor": clip(look["through"]),
+        }
+        if look["translucent"] > 0
         else None,
         "KHR_materials_sheen": {"sheenColorFactor": list(look["sheen"]), "sheenRoughnessFactor": look["sheen_roughness"]}
         if max(look["sheen"]) > 0

@@ -5,7 +5,7 @@ use super::mesh::Slot;
 use super::textures::Requests;
 use crate::bsdf::Distribution;
 use crate::math::Rgb;
-use crate::scene::finish::{Anisotropy, Clearcoat, FilmCover, SheenCover};
+use crate::scene::finish::{Anisotropy, Clearcoat, FilmCover, SheenCover, Translucency};
 use crate::scene::material::{AlphaMode, TextureRef};
 use crate::scene::{Material, Medium};
 use glam::{Affine2, Vec2};
@@ -97,6 +97,31 @@ struct SheenExtension {
     roughness: f32,
     #[serde(rename = "sheenRoughnessTexture")]
     roughness_texture: Option<Info>,
+}
+
+/// `KHR_materials_diffuse_transmission`, which the crate does not type.
+#[derive(Deserialize)]
+#[serde(default)]
+struct TranslucencyExtension {
+    #[serde(rename = "diffuseTransmissionFactor")]
+    factor: f32,
+    #[serde(rename = "diffuseTransmissionTexture")]
+    texture: Option<Info>,
+    #[serde(rename = "diffuseTransmissionColorFactor")]
+    color: [f32; 3],
+    #[serde(rename = "diffuseTransmissionColorTexture")]
+    color_texture: Option<Info>,
+}
+
+impl Default for TranslucencyExtension {
+    fn default() -> Self {
+        Self {
+            factor: 0.0,
+            texture: None,
+            color: [1.0; 3],
+            color_texture: None,
+        }
+    }
 }
 
 /// `KHR_materials_iridescence`, which the crate does not type.
@@ -267,6 +292,9 @@ impl Reader<'_> {
         if let Some(value) = e.others.get("KHR_materials_sheen") {
             self.sheen(value, out)?;
         }
+        if let Some(value) = e.others.get("KHR_materials_diffuse_transmission") {
+            self.translucency(value, out)?;
+        }
         if let Some(value) = e.others.get("KHR_materials_volume_scatter") {
             self.scatter(value, out)?;
         }
@@ -360,6 +388,37 @@ impl Reader<'_> {
         if color != Rgb::ZERO {
             out.finish_mut().sheen = Some(cover);
         }
+        Ok(())
+    }
+
+    fn translucency(&mut self, value: &json::Value, out: &mut Material) -> Result<()> {
+        let read: TranslucencyExtension =
+            self.untyped("KHR_materials_diffuse_transmission", value)?;
+        let color = self.colour("diffuseTransmissionColorFactor", read.color)?;
+        let map = read.color_texture.as_ref();
+        let through = Translucency {
+            weight: self.fraction("diffuseTransmissionFactor", read.factor)?,
+            color: color.min(Rgb::ONE),
+            texture: self.info("diffuseTransmissionTexture", read.texture.as_ref(), false)?,
+            color_texture: self.info("diffuseTransmissionColorTexture", map, true)?,
+            keeps_base: false,
+        };
+        if through.weight == 0.0 {
+            return Ok(());
+        }
+        if out.solid {
+            let how = match out.transmission > 0.0 {
+                true => "diffuse transmission of glass is left out",
+                false => {
+                    "diffuse transmission is that of a thin sheet, without the inside of a body"
+                }
+            };
+            self.warnings.say(format!("{}: {how}", self.at));
+            if out.transmission > 0.0 {
+                return Ok(());
+            }
+        }
+        out.finish_mut().translucency = Some(through);
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 
 use crate::math::Rgb;
 use crate::scene::Material;
-use crate::scene::finish::{Anisotropy, Clearcoat};
+use crate::scene::finish::{Anisotropy, Clearcoat, Translucency};
 
 /// Reflectance of gold at normal incidence, linear.
 pub const GOLD: Rgb = Rgb::new(1.0, 0.78, 0.34);
@@ -63,6 +63,19 @@ pub fn brushed(mut base: Material, strength: f32, rotation: f32) -> Material {
         rotation,
         texture: None,
     });
+    base
+}
+
+/// A material whose base transmits light of the colour `transmitted` with the share `weight`, diffusely. Both sides are seen.
+pub fn translucent(mut base: Material, weight: f32, transmitted: Rgb) -> Material {
+    base.finish_mut().translucency = Some(Translucency {
+        weight,
+        color: transmitted,
+        texture: None,
+        color_texture: None,
+        keeps_base: false,
+    });
+    base.double_sided = true;
     base
 }
 

@@ -4,7 +4,9 @@ use opsr::image::Buffer;
 use opsr::math::{Frame, Rgb, Vec3};
 use opsr::scene::camera::Projection;
 use opsr::scene::material::{AlphaMode, TextureRef};
-use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass, metal, tinted_glass};
+use opsr::scene::procedural::materials::{
+    coated, diffuse, emitter, glass, metal, tinted_glass, translucent,
+};
 use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{Environment, Lens, Material, PunctualLight, SceneParts, Texture};
 
@@ -120,6 +122,18 @@ pub(super) fn two_sided() -> SceneParts {
         ..emitter("sheet", Rgb::splat(2.0))
     };
     parts.add(material, [sheet]);
+    parts
+}
+
+/// The lit box with a sheet of paper below its light and a glossy leaf across, which light passes diffusely.
+pub(super) fn sheets() -> SceneParts {
+    let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
+    let paper = quad(Vec3::new(-0.7, 1.3, -0.6), Vec3::X * 1.2, Vec3::Z * 1.2);
+    let white = diffuse("paper", Rgb::splat(0.8));
+    parts.add(translucent(white, 0.6, Rgb::new(0.9, 0.8, 0.5)), [paper]);
+    let leaf = quad(Vec3::new(0.1, 0.1, 0.6), Vec3::new(0.5, 0.2, -0.9), Vec3::Y);
+    let green = coated("leaf", Rgb::new(0.2, 0.6, 0.1), 0.15);
+    parts.add(translucent(green, 0.5, Rgb::new(0.5, 0.9, 0.2)), [leaf]);
     parts
 }
 
@@ -380,6 +394,7 @@ pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
         ("normal map", normal_map(), 64),
         ("far texels", far_texels(), 128),
         ("blend leaf", leaf(), 64),
+        ("translucent sheets", sheets(), 64),
         ("absorbing bottle", bottle(), 128),
         ("sun in a field", field(sun_in_field), 128),
         ("sky in a field", field(sky_in_field), 128),

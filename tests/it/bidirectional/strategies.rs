@@ -1,7 +1,7 @@
 //! One strategy at a time, with weight 1, against the path tracer's paths of that length: wrong values that weights would
 //! hide.
 
-use super::scenes::{lit, point_lit, with_sphere};
+use super::scenes::{lit, point_lit, sheets, with_sphere};
 use crate::support::render::{film_with, scene};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::{Radius, Strategies, Strategy};
@@ -111,6 +111,11 @@ fn agreement_of_each_strategy_in_a_diffuse_box() {
 fn agreement_of_each_strategy_in_a_glossy_box() {
     let walls = metal("walls", Rgb::new(0.7, 0.5, 0.3), 0.3);
     assert_each_strategy("area light", lit(walls, 3.0), true);
+}
+
+#[test]
+fn agreement_of_each_strategy_through_translucent_sheets() {
+    assert_each_strategy("sheets", sheets(), true);
 }
 
 /// Weights as they are in the whole: nothing is left out, nothing shown twice.

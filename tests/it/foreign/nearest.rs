@@ -1,9 +1,9 @@
 //! Parts that are shown as what is nearest, and the names of older versions.
 
 use super::{message, read};
-use opsr::math::{Rgb, Vec2, Vec3, luminance};
+use opsr::math::{Ray, Rgb, Vec2, Vec3, luminance};
 use opsr::scene::load::{LoadOptions, Loaded, Unsupported, load};
-use opsr::scene::{Material, PunctualLight};
+use opsr::scene::{Material, PunctualLight, Scene};
 
 /// A scene beside files, with the usual options or others.
 fn with_files(
@@ -139,13 +139,7 @@ fn materials_of_pbrt_3_are_read() {
         "Material \"disney\" \"rgb color\" [0.1 0.2 0.3] \"float metallic\" 0.5 \"float roughness\" 0.6",
     );
     assert!((disney.alpha - 0.36).abs() < 1e-6 && disney.metallic == 0.5);
-    for kind in [
-        "translucent",
-        "subsurface",
-        "kdsubsurface",
-        "measured",
-        "hair",
-    ] {
+    for kind in ["subsurface", "kdsubsurface", "measured", "hair"] {
         let text = format!("WorldBegin Material \"{kind}\" Shape \"sphere\"");
         let warnings = usual("a.pbrt", &text).warnings;
         assert!(
@@ -636,4 +630,71 @@ fn skies_of_mitsuba_have_their_sun_where_they_say() {
         };
         assert!(direction.distance(-sun) < 1e-6);
     }
+}
+
+/// Reflectance and transmittance of the base at a point of the first material, by its radiance straight back and through.
+fn both_sides(loaded: &Loaded) -> [Rgb; 2] {
+    let scene = Scene::new(loaded.parts.clone());
+    let ray = Ray::new(Vec3::new(0.1, 0.2, 3.0), Vec3::NEG_Z);
+    let hit = scene.intersect(&ray).expect("the sheet");
+    let bsdf = scene.bsdf(&mut scene.surface(&hit), 0.9);
+    [Vec3::Z, Vec3::NEG_Z].map(|wi| bsdf.eval(1.0, Vec3::Z, wi).value * std::f32::consts::PI)
+}
+
+fn near([a, b]: [Rgb; 2], [c, d]: [Rgb; 2]) {
+    let far = (a - c).abs().max((b - d).abs()).max_element();
+    assert!(far < 1e-5, "{a} {c}, {b} {d}");
+}
+
+/// Surfaces that transmit diffusely do so, on the sides and by the amounts of their formats.
+#[test]
+fn foreign_surfaces_transmit_diffusely() {
+    let [quarter, fifth] = [Rgb::splat(0.25), Rgb::new(0.2, 0.3, 0.1)];
+    let pbrt = |material: &str| {
+        let loaded = usual("a.pbrt", &format!("WorldBegin\n{material}\nShape \"disk\""));
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        both_sides(&loaded)
+    };
+    near(pbrt("Material \"diffusetransmission\""), [quarter; 2]);
+    let both = "\"rgb reflectance\" [0.2 0.3 0.1] \"rgb transmittance\" [0.5 0.5 0.5]";
+    near(
+        pbrt(&format!("Material \"diffusetransmission\" {both}")),
+        [fifth, Rgb::splat(0.5)],
+    );
+    near(
+        pbrt(&format!(
+            "Material \"diffusetransmission\" {both} \"float scale\" 0.5"
+        )),
+        [0.5 * fifth, quarter],
+    );
+    // A coat of version 3 dims both sides alike, and glossy transmission is named.
+    let shiny = "WorldBegin\nMaterial \"translucent\" \"rgb Kd\" [0.4 0.4 0.4] \"rgb reflect\" [1 1 1]\nShape \"disk\"";
+    let shiny = usual("a.pbrt", shiny);
+    let left = "line 2: glossy transmission of `translucent` is left out";
+    assert_eq!(shiny.warnings, [left]);
+    let matt = "Material \"translucent\" \"rgb Kd\" [0.4 0.4 0.4] \"rgb Ks\" [0 0 0] \"rgb reflect\" [1 1 1]";
+    near(pbrt(matt), [Rgb::splat(0.4), Rgb::splat(0.2)]);
+    let thin = "WorldBegin\nMaterial \"disney\" \"bool thin\" true \"float difftrans\" 0.5\nShape \"disk\"";
+    let thin = usual("a.pbrt", thin).parts.materials[0].clone();
+    let through = thin.translucency().expect("diffuse transmission");
+    assert_eq!((through.weight, through.color), (0.25, Rgb::splat(0.5)));
+
+    let mitsuba = |bsdf: &str| {
+        let text = xml(&format!("<shape type=\"rectangle\">{bsdf}</shape>"));
+        usual("a.xml", &text)
+    };
+    let sheet =
+        "<bsdf type=\"difftrans\"><rgb name=\"transmittance\" value=\"0.2, 0.3, 0.1\"/></bsdf>";
+    let sheet = mitsuba(sheet);
+    assert!(sheet.warnings.is_empty(), "{:?}", sheet.warnings);
+    near(both_sides(&sheet), [Rgb::ZERO, fifth]);
+    let leaf = "<bsdf type=\"principledthin\"><float name=\"diff_trans\" value=\"1.5\"/></bsdf>";
+    let leaf = mitsuba(leaf);
+    let shown = "line 2: `principledthin` is shown by glTF's model";
+    assert_eq!(leaf.warnings, [shown]);
+    let through = leaf.parts.materials[0].translucency();
+    assert_eq!(through.expect("diffuse transmission").weight, 0.75);
+    let pane = "<bsdf type=\"principledthin\"><float name=\"spec_trans\" value=\"1\"/></bsdf>";
+    let pane = &mitsuba(pane).parts.materials[0];
+    assert!(!pane.solid && pane.transmission == 1.0 && pane.translucency().is_none());
 }

@@ -8,6 +8,7 @@ use opsr::math::{Ray, Rgb, Vec3};
 use opsr::scene::load::{FileLight, LoadOptions, Loaded, load};
 use opsr::scene::{Scene, Surface};
 use serde_json::{Value, json};
+use std::f32::consts::PI;
 
 /// A triangle with a material, and a texture whose left half is black and whose right half is white and half opaque. Set 0 of
 /// its coordinates lies in the left half, set 1 in the right.
@@ -190,6 +191,75 @@ fn sheen_and_iridescence_are_read_with_their_textures() {
     );
     let (_, _, bsdf) = seen(loaded, 0.0);
     assert!(matches!(bsdf, Bsdf::Iridescent(_)), "{bsdf:?}");
+}
+
+#[test]
+fn diffuse_transmission_is_read_with_its_textures() {
+    // A Lambertian base of this colour, unless another metalness gives it a coat.
+    let of = |metallic: f32, extension: Value, others: Value| {
+        let mut material = json!({
+            "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.25, 1, 1], "metallicFactor": metallic },
+            "extensions": others,
+        });
+        material["extensions"]["KHR_materials_specular"] = json!({ "specularFactor": 0 });
+        material["extensions"]["KHR_materials_diffuse_transmission"] = extension;
+        painted(material).loaded()
+    };
+    // Reflectance and transmittance straight back and through.
+    let shown = |loaded: Loaded| {
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        let (_, _, bsdf) = seen(loaded, 0.0);
+        [Vec3::Z, Vec3::NEG_Z].map(|wi| bsdf.eval(1.0, Vec3::Z, wi).value * PI)
+    };
+    let near = |[a, b]: [Rgb; 2], [c, d]: [Rgb; 2]| {
+        let far = (a - c).abs().max((b - d).abs()).max_element();
+        assert!(far < 1e-5, "{a} {c}, {b} {d}");
+    };
+    let base = Rgb::new(0.5, 0.25, 1.0);
+    let color = [0.25, 0.5, 0.75];
+    near(shown(of(0.0, json!({}), json!({}))), [base, Rgb::ZERO]);
+    let quarter = json!({ "diffuseTransmissionFactor": 0.25 });
+    near(
+        shown(of(0.0, quarter, json!({}))),
+        [0.75 * base, Rgb::splat(0.25)],
+    );
+    let all = |set: u32| {
+        json!({
+            "diffuseTransmissionFactor": 0.5, "diffuseTransmissionColorFactor": color,
+            "diffuseTransmissionTexture": { "index": 0, "texCoord": 1 },
+            "diffuseTransmissionColorTexture": { "index": 0, "texCoord": set },
+        })
+    };
+    let weight = 0.5 * 128.0 / 255.0;
+    let through = weight * Rgb::from_array(color);
+    near(
+        shown(of(0.0, all(1), json!({}))),
+        [(1.0 - weight) * base, through],
+    );
+    // The left half of the texture is black.
+    near(
+        shown(of(0.0, all(0), json!({}))),
+        [(1.0 - weight) * base, Rgb::ZERO],
+    );
+    assert_eq!(shown(of(1.0, all(1), json!({})))[1], Rgb::ZERO);
+    // A body: as a sheet where nothing else passes its surface, not at all in glass.
+    let volume = |transmission: f32| {
+        json!({
+            "KHR_materials_volume": { "thicknessFactor": 1 },
+            "KHR_materials_transmission": { "transmissionFactor": transmission },
+        })
+    };
+    let (sheet, glass) = (of(0.0, all(1), volume(0.0)), of(0.0, all(1), volume(0.5)));
+    let said = "diffuse transmission is that of a thin sheet";
+    assert!(sheet.warnings.iter().any(|w| w.contains(said)));
+    assert!(sheet.parts.materials[0].translucency().is_some());
+    let said = "diffuse transmission of glass is left out";
+    assert!(glass.warnings.iter().any(|w| w.contains(said)));
+    assert!(glass.parts.materials[0].translucency().is_none());
+    let wrong = json!({ "diffuseTransmissionFactor": 2 });
+    let file = painted(json!({ "extensions": { "KHR_materials_diffuse_transmission": wrong }}));
+    let said = file.load().map(|_| ()).unwrap_err().to_string();
+    assert!(said.contains("diffuseTransmissionFactor is 2"), "{said}");
 }
 
 fn load_variant(file: &File, variant: Option<&str>) -> Result<Loaded, String> {

@@ -2,7 +2,7 @@
 
 use super::scenes::{
     field, lamps_in_field, lit, many_lamps, normal_map, parallel_camera, point_lit,
-    points_in_field, sky_in_field, spot, sun_in_field, sunny, through_a_lens, two_sided,
+    points_in_field, sheets, sky_in_field, spot, sun_in_field, sunny, through_a_lens, two_sided,
     under_water, with_sphere,
 };
 use crate::image::film::Window;
@@ -73,6 +73,7 @@ fn audit_of_mis_weights_and_values_of_materials() {
     assert_audited("metal", with_sphere(metal("metal", half, 0.3)), 20);
     assert_audited("coat", with_sphere(coated("coat", half, 0.3)), 20);
     assert_audited("sharp coat", with_sphere(coated("coat", half, 0.0)), 20);
+    assert_audited("translucent sheets", sheets(), 20);
     assert_audited("normal map", normal_map(), 20);
 }
 

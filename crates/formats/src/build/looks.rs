@@ -4,7 +4,7 @@ use super::Builder;
 use glam::Affine2;
 use opsr::math::{Rgb, Vec2, luminance};
 use opsr::scene::Material;
-use opsr::scene::finish::{ExactCover, Mix};
+use opsr::scene::finish::{ExactCover, Mix, Translucency};
 use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::texture::{Texels, Texture};
 
@@ -109,6 +109,30 @@ pub fn glossy(base: Paint, shine: Rgb, index: f32) -> Material {
         specular_color: shine / most.max(f32::MIN_POSITIVE),
         ior: index,
         ..surface(base)
+    }
+}
+
+/// Makes a base transmit diffusely: `transmitted` beside what it reflects.
+pub fn transmit(material: &mut Material, transmitted: Paint) {
+    material.finish_mut().translucency = Some(Translucency {
+        weight: 1.0,
+        color: transmitted.factor,
+        texture: None,
+        color_texture: transmitted.map,
+        keeps_base: true,
+    });
+}
+
+/// Makes a base transmit the share `weight` of its colour diffusely, which it reflects no more.
+pub fn transmit_share(material: &mut Material, weight: f32) {
+    if weight > 0.0 {
+        material.finish_mut().translucency = Some(Translucency {
+            weight: weight.min(1.0),
+            color: material.base_color,
+            texture: None,
+            color_texture: material.base_color_texture,
+            keeps_base: false,
+        });
     }
 }
 

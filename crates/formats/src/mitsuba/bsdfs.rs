@@ -53,6 +53,20 @@ impl Scene<'_> {
             }
             "plastic" | "roughplastic" => self.plastic(bsdf)?,
             "principled" => self.principled(bsdf)?,
+            "principledthin" => {
+                let share = self.colour(bsdf, &["diff_trans"], Rgb::ZERO, Meant::Reflected)?;
+                let share = self.grey(Paint::plain(share)).factor.x;
+                let mut material = self.principled(bsdf)?;
+                material.solid = false;
+                looks::transmit_share(&mut material, 0.5 * share);
+                material
+            }
+            "difftrans" => {
+                let mut material = looks::diffuse(Paint::from(0.0));
+                let transmitted = self.paint(bsdf, &["transmittance"], Paint::from(0.5))?;
+                looks::transmit(&mut material, transmitted);
+                material
+            }
             "phong" | "ward" => self.lobe(bsdf)?,
             "coating" | "roughcoating" => return self.coating(bsdf),
             "null" => looks::nothing(),
@@ -355,8 +369,10 @@ impl Scene<'_> {
 
     /// Disney's model by that of glTF, which has most of its parts.
     fn principled(&mut self, bsdf: &Object) -> Result<Material> {
-        self.context
-            .approximate(&bsdf.place, "`principled` is shown by glTF's model");
+        self.context.approximate(
+            &bsdf.place,
+            &format!("`{}` is shown by glTF's model", bsdf.plugin),
+        );
         let base = self.paint(bsdf, &["base_color"], Paint::from(0.5))?;
         let rough = self.numbers(bsdf, "roughness", 0.5)?;
         let of = |name: &str, or: f64| bsdf.number(name, or).map(|x| x as f32);

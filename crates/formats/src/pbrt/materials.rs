@@ -106,9 +106,16 @@ impl Scene<'_> {
                 material
             }
             "diffusetransmission" => {
-                self.context
-                    .nearest(place, "diffuse transmission", "diffuse reflection")?;
-                looks::diffuse(self.paint(parameters, "reflectance", Paint::from(0.25))?)
+                let scale = parameters.number("scale", 1.0)? as f32;
+                let mut of = |name: &str| -> Result<Paint> {
+                    let paint = self.paint(parameters, name, Paint::from(0.25))?;
+                    let factor = paint.factor * scale;
+                    Ok(Paint { factor, ..paint })
+                };
+                let (reflected, transmitted) = (of("reflectance")?, of("transmittance")?);
+                let mut material = looks::diffuse(reflected);
+                looks::transmit(&mut material, transmitted);
+                material
             }
             "mix" => self.mixture(parameters, depth)?,
             "interface" | "" | "none" => looks::nothing(),

@@ -68,9 +68,23 @@ impl Scene<'_> {
                 material
             }
             "translucent" => {
-                let place = &parameters.place;
-                (self.context).nearest(place, "a translucent surface", "diffuse reflection")?;
-                looks::diffuse(self.paint(parameters, "Kd", Paint::from(0.25))?)
+                let base = self.paint(parameters, "Kd", Paint::from(0.25))?;
+                let shine = self.colour(parameters, "Ks", Rgb::splat(0.25), Meant::Reflected)?;
+                let mut of =
+                    |name: &str| self.colour(parameters, name, Rgb::splat(0.5), Meant::Reflected);
+                let (reflect, transmit) = (of("reflect")?, of("transmit")?);
+                let part = |share: Rgb| Paint {
+                    factor: base.factor * share,
+                    ..base
+                };
+                let mut material = looks::glossy(part(reflect), shine * reflect, 1.5);
+                self.roughened(parameters, 0.1, &mut material)?;
+                looks::transmit(&mut material, part(transmit));
+                if shine * transmit != Rgb::ZERO {
+                    let what = "glossy transmission of `translucent` is left out";
+                    (self.context).approximate(&parameters.place, what);
+                }
+                material
             }
             "subsurface" | "kdsubsurface" => {
                 let place = &parameters.place;
@@ -155,15 +169,20 @@ impl Scene<'_> {
         let (metallic, roughness) = (of("metallic", 0.0)?, of("roughness", 0.5)?);
         let (through, ior) = (of("spectrans", 0.0)?, of("eta", 1.5)?);
         let (coat, gloss) = (of("clearcoat", 0.0)?, of("clearcoatgloss", 1.0)?);
+        let scattered = of("difftrans", 1.0)?;
+        let thin = parameters.flag("thin", false)?;
         let mut material = Material {
             metallic: metallic.clamp(0.0, 1.0),
             transmission: through.clamp(0.0, 1.0),
-            solid: through > 0.0,
+            solid: through > 0.0 && !thin,
             ior: ior.max(1.0),
             alpha: roughness.clamp(0.0, 1.0).powi(2),
             distribution: self.context.distribution(Distribution::Ggx),
             ..looks::glossy(base, Rgb::ONE, ior)
         };
+        if thin {
+            looks::transmit_share(&mut material, 0.5 * scattered);
+        }
         if coat > 0.0 {
             let clear = material.finish_mut().clearcoat.get_or_insert_default();
             (clear.weight, clear.alpha) = (coat.min(1.0), 0.1 + (0.001 - 0.1) * gloss);

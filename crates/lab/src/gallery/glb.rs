@@ -207,6 +207,13 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
         let body = json!({ "transmissionFactor": number(m.transmission) });
         extensions.insert("KHR_materials_transmission".into(), body);
     }
+    if let Some(through) = m.translucency() {
+        let body = json!({
+            "diffuseTransmissionFactor": number(through.weight),
+            "diffuseTransmissionColorFactor": numbers(through.color.to_array()),
+        });
+        extensions.insert("KHR_materials_diffuse_transmission".into(), body);
+    }
     if m.ior != 1.5 {
         extensions.insert("KHR_materials_ior".into(), json!({ "ior": number(m.ior) }));
     }
@@ -245,9 +252,10 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
 }
 
 /// The material extensions that this writer uses.
-const EXTENSIONS: [&str; 8] = [
+const EXTENSIONS: [&str; 9] = [
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_transmission",
     "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_transmission",

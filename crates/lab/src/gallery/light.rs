@@ -1,9 +1,11 @@
 //! Scenes that are hard for one estimator and easy for another.
 
 use super::{caustic_box, open_box, v3};
-use opsr::math::{Rgb, Vec3};
-use opsr::scene::procedural::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
-use opsr::scene::procedural::shapes::{cuboid, disc, quad, room, sphere};
+use opsr::math::{Rgb, Vec2, Vec3};
+use opsr::scene::procedural::materials::{
+    GOLD, SILVER, coated, diffuse, emitter, glass, metal, translucent,
+};
+use opsr::scene::procedural::shapes::{cuboid, cylinder, disc, quad, revolve, room, sphere};
 use opsr::scene::{Environment, Mesh, PunctualLight, SceneParts};
 use std::f32::consts::PI;
 
@@ -43,6 +45,70 @@ pub(super) fn filament() -> SceneParts {
     parts.add(diffuse("block", Rgb::splat(0.6)), [block]);
     parts.add_camera([0.6, 1.1, 1.4], [-0.2, 0.85, -0.4], 70.0);
     parts
+}
+
+/// A bulb in a paper shade on a table, beside a leaf in a glass of water and a brass bowl: most light passes the paper.
+pub(super) fn shaded_lamp() -> SceneParts {
+    let mut parts = SceneParts::default();
+    let walls = room(v3(-1.2, 0.0, -0.9), v3(1.2, 1.8, 1.8));
+    parts.add(diffuse("walls", v3(0.62, 0.6, 0.55)), walls);
+    let top = cuboid(v3(-0.9, 0.0, -0.6), v3(0.9, 0.7, 0.4));
+    parts.add(coated("table", v3(0.35, 0.2, 0.12), 0.2), [top]);
+    let bulb = v3(-0.3, 1.12, -0.15);
+    let turned = |profile: &[Vec2]| revolve(profile, false, 48);
+    let at = |mesh: Mesh, place: Vec3| mesh.placed([0.0; 3], place);
+    let shade = turned(&[Vec2::new(0.2, 0.98), Vec2::new(0.12, 1.28)]);
+    let paper = diffuse("paper", v3(0.8, 0.76, 0.66));
+    parts.add(
+        translucent(paper, 0.45, v3(0.9, 0.78, 0.55)),
+        [at(shade, bulb.with_y(0.0))],
+    );
+    let foot = at(cylinder(0.015, 0.35, 24), bulb.with_y(0.7));
+    parts.add(metal("foot", v3(0.8, 0.65, 0.4), 0.1), [foot]);
+    parts.add(
+        emitter("bulb", v3(1.0, 0.85, 0.6) * 220.0),
+        [sphere(bulb, 0.035, 3)],
+    );
+    let bowl = turned(&[
+        Vec2::new(0.0, 0.701),
+        Vec2::new(0.09, 0.701),
+        Vec2::new(0.13, 0.78),
+        Vec2::new(0.125, 0.78),
+        Vec2::new(0.085, 0.711),
+        Vec2::new(0.0, 0.711),
+    ]);
+    parts.add(metal("brass", GOLD, 0.08), [at(bowl, v3(0.12, 0.0, 0.18))]);
+    let water = at(cylinder(0.06, 0.16, 48), v3(0.36, 0.701, -0.05));
+    parts.add(glass("water", 1.33, 0.0), [water]);
+    let leaf = blade(v3(0.37, 0.84, -0.05), 0.34);
+    let green = coated("leaf", v3(0.1, 0.22, 0.05), 0.3);
+    parts.add(translucent(green, 0.5, v3(0.35, 0.6, 0.08)), [leaf]);
+    parts.add_camera([0.35, 1.25, 1.35], [0.02, 0.92, -0.1], 50.0);
+    parts
+}
+
+/// A leaf of this length that bends to the lamp, without thickness.
+fn blade(root: Vec3, length: f32) -> Mesh {
+    const STEPS: u32 = 16;
+    let mut mesh = Mesh::default();
+    for i in 0..=STEPS {
+        let t = i as f32 / STEPS as f32;
+        let spine = root + length * v3(-0.45 * t, t - 0.5 * t * t, 0.15 * t);
+        let half = 0.17 * length * (PI * (0.08 + 0.92 * t)).sin();
+        for side in [-1.0, 0.0, 1.0f32] {
+            let fold = 0.25 * side.abs() * half;
+            mesh.positions.push(spine + v3(0.0, fold, side * half));
+        }
+        if i > 0 {
+            let k = 3 * i;
+            for j in [k, k + 1] {
+                mesh.indices.push([j - 3, j - 2, j + 1]);
+                mesh.indices.push([j - 3, j + 1, j]);
+            }
+        }
+    }
+    opsr::scene::procedural::shapes::smooth(&mut mesh);
+    mesh
 }
 
 /// Edges a side of the water's surface.

@@ -2,7 +2,7 @@
 
 use opsr::bsdf::fresnel::conductor;
 use opsr::math::Rgb;
-use opsr::scene::finish::ExactCover;
+use opsr::scene::finish::{ExactCover, Translucency};
 use opsr::scene::light::Falloff;
 use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};
@@ -130,9 +130,36 @@ fn plain(material: &Material, textures: &[Texture]) -> Material {
         coat
     });
     let brushing = finish.anisotropy.clone().filter(|a| a.texture.is_none());
-    if coat.is_some() || brushing.is_some() {
+    let through = finish.translucency.map(|through| {
+        let opacity = (through.texture.as_ref()).and_then(|map| textures.get(map.texture as usize));
+        let weight = through.weight * opacity.map_or(1.0, |texture| texture.average()[3]);
+        let color = through.color * mean(&through.color_texture);
+        let (base, through) = shared_base(out.base_color, weight, color, through.keeps_base);
+        out.base_color = base;
+        through
+    });
+    if coat.is_some() || brushing.is_some() || through.is_some() {
         let kept = out.finish_mut();
-        (kept.clearcoat, kept.anisotropy) = (coat, brushing);
+        (kept.clearcoat, kept.anisotropy, kept.translucency) = (coat, brushing, through);
     }
     out
+}
+
+/// Base colour and translucency of glTF, where reflection and transmission share the base.
+fn shared_base(base: Rgb, weight: f32, color: Rgb, keeps_base: bool) -> (Rgb, Translucency) {
+    let plain = |weight: f32, color: Rgb| Translucency {
+        weight,
+        color,
+        texture: None,
+        color_texture: None,
+        keeps_base: false,
+    };
+    if !keeps_base {
+        return (base, plain(weight, color));
+    }
+    let passed = weight * color;
+    let (kept, through) = (base.max_element(), passed.max_element());
+    let share = through / (kept + through).max(f32::MIN_POSITIVE);
+    let over = |c: Rgb, part: f32| (c / part.max(f32::MIN_POSITIVE)).min(Rgb::ONE);
+    (over(base, 1.0 - share), plain(share, over(passed, share)))
 }

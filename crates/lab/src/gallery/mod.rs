@@ -28,7 +28,7 @@ use std::path::{Path, PathBuf};
 type Builder = (&'static str, fn() -> SceneParts);
 
 /// Small scenes by name, for suites.
-const SMALL: [Builder; 30] = [
+const SMALL: [Builder; 31] = [
     ("ball-on-4-m", || hidden::ball_on_floor(2.0)),
     ("ball-on-40-m", || hidden::ball_on_floor(20.0)),
     ("ball-on-400-m", || hidden::ball_on_floor(200.0)),
@@ -57,6 +57,7 @@ const SMALL: [Builder; 30] = [
     ("pool-3.2-m", || light::pool_of(3.2)),
     ("pool-in-the-sun", light::pool_in_the_sun),
     ("ring-under-lamp", hidden::ring_under_lamp),
+    ("shaded-lamp", light::shaded_lamp),
     ("street-lamp", hidden::street_lamp),
     ("sun-pool", light::sun_pool),
     ("sun-through-pane", hidden::sun_through_pane),

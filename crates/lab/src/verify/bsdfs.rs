@@ -2,7 +2,7 @@
 
 use opsr::bsdf::{
     Bsdf, Covers, Dielectric, Diffuse, Distribution, Film, Glossy, Sheen, ThinDielectric,
-    anisotropic, clearcoated, covered, iridescent,
+    anisotropic, clearcoated, covered, iridescent, translucent,
 };
 use opsr::bsdf::{Exact, Interface};
 use opsr::math::{Rgb, Vec2, Vec3};
@@ -148,8 +148,19 @@ pub fn under_film(base: Bsdf) -> Bsdf {
     iridescent(base, film)
 }
 
+/// Paper: a Lambertian base that reflects and transmits.
+pub fn paper() -> Bsdf {
+    let albedo = Rgb::new(0.5, 0.4, 0.1);
+    translucent(Bsdf::Diffuse(Diffuse { albedo }), Rgb::new(0.3, 0.5, 0.9))
+}
+
+/// Coat over an orange base that transmits blue light.
+pub fn leaf(alpha: f32, distribution: Distribution) -> Bsdf {
+    translucent(plastic(alpha, distribution), Rgb::new(0.1, 0.3, 0.7))
+}
+
 /// BSDF of every kind at one roughness, with its name.
-pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 17] {
+pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 20] {
     [
         ("metal", metal(alpha, distribution)),
         ("plastic", plastic(alpha, distribution)),
@@ -189,11 +200,17 @@ pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 1
             "exact plastic under fibres",
             under_sheen(exact_plastic(alpha, distribution), 0.3),
         ),
+        ("paper", paper()),
+        ("leaf", leaf(alpha, distribution)),
+        (
+            "leaf under clear coat",
+            under_clearcoat(leaf(alpha, distribution)),
+        ),
     ]
 }
 
 /// BSDFs with all that a scene may contain: perfect, matched, weak and strong interfaces.
-pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 26] {
+pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 29] {
     let glass = |eta| glass(eta, alpha, distribution);
     [
         Bsdf::Sheen(fibres(alpha)),
@@ -235,5 +252,8 @@ pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 26] {
         exact_plastic(alpha, distribution),
         exact_pane(alpha, distribution),
         under_clearcoat(exact_plastic(alpha, distribution)),
+        paper(),
+        leaf(alpha, distribution),
+        under_clearcoat(leaf(alpha, distribution)),
     ]
 }

@@ -279,7 +279,12 @@ impl Worst {
             // A lobe is selected with probability 1/20 at least, under a clear coat 3/80.
             let weight = s.weight.min_element() >= 0.0 && s.weight.max_element() <= 27.0;
             let unit = (s.wi.length() - 1.0).abs() < 1e-5;
-            let through = (wo.z * s.wi.z < 0.0) == (s.lobe == Lobe::Transmission);
+            let crosses = wo.z * s.wi.z < 0.0;
+            // The base of a translucent surface scatters on both sides.
+            let through = match s.lobe {
+                Lobe::Diffuse => !crosses || bsdf.eval(alpha, wo, s.wi).value != Rgb::ZERO,
+                lobe => crosses == (lobe == Lobe::Transmission),
+            };
             let same = bsdf.direction(alpha, wo, u) == Some((s.wi, s.lobe));
             let delta =
                 !s.delta || s.pdf_w == 0.0 && (alpha < DELTA_ALPHA || bsdf.is_delta_at(1.0));

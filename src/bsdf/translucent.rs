@@ -1,0 +1,154 @@
+//! Surface that scatters a part of the light on its other side `[KHR_materials_diffuse_transmission]`: a leaf, paper, the shade
+//! of a lamp.
+//!
+//! [`Glossy`] whose base is Lambertian on both sides. With a the reflectance of the base, t its transmittance and c the
+//! coupling of [`Glossy`] between base and coat:
+//!
+//! ```text
+//! f(wo, wi) = coat(wo, wi) + a c(wo, wi) / π      on the side of wo
+//! f(wo, wi) = t c(wo, wi) / π                     on the other side
+//! ```
+//!
+//! Both sides have the coat, as if it were on either face. A smooth coat and its base sum to F + (1 − F)(a + t).
+
+use super::fresnel::schlick;
+use super::lobes::{above, delta, finish, mirror, reflection};
+use super::{
+    Bsdf, BsdfSample, DELTA_ALPHA, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery, lobes,
+};
+use crate::math::{Rgb, Vec2, Vec3, luminance, warp};
+use std::f32::consts::FRAC_1_PI;
+
+/// Coat over a base that reflects and transmits by Lambert's law.
+#[derive(Clone, Copy, Debug)]
+pub struct Translucent {
+    /// Coat, and reflectance of the base; a coat whose `f90` is 0 is none.
+    gloss: Glossy,
+    /// Transmittance of the base in [0, 1], at most what its reflectance leaves.
+    transmitted: Rgb,
+}
+
+/// The BSDF of a surface like `base` whose base transmits `transmitted` in [0, 1] besides; other BSDFs than Lambertian and
+/// coated ones stay as they are. A base that would gain energy is scaled down.
+pub fn translucent(base: Bsdf, transmitted: Rgb) -> Bsdf {
+    let mut gloss = match base {
+        _ if transmitted == Rgb::ZERO => return base,
+        Bsdf::Diffuse(l) => Glossy {
+            f0: Rgb::ZERO,
+            f90: 0.0,
+            albedo: l.albedo,
+            alpha: 1.0,
+            distribution: Distribution::Beckmann,
+        },
+        Bsdf::Glossy(l) => l,
+        other => return other,
+    };
+    let most = (gloss.albedo + transmitted).max_element().max(1.0);
+    gloss.albedo /= most;
+    Bsdf::Translucent(Translucent {
+        gloss,
+        transmitted: transmitted / most,
+    })
+}
+
+impl Translucent {
+    /// The same surface with all that its base scatters on the side of `wo`.
+    pub(super) fn folded(&self) -> Glossy {
+        Glossy {
+            albedo: self.gloss.albedo + self.transmitted,
+            ..self.gloss
+        }
+    }
+
+    /// True if the surface has a coat.
+    pub(super) fn is_coated(&self) -> bool {
+        self.gloss.f90 > 0.0
+    }
+
+    /// The coat alone.
+    pub(super) fn coat(&self) -> Glossy {
+        Glossy {
+            albedo: Rgb::ZERO,
+            ..self.gloss
+        }
+    }
+
+    /// Selection probabilities of coat, reflecting base and transmitting base at cos θo = `cos`.
+    fn chances(&self, cos: f32) -> [f32; 3] {
+        let glossy = match self.is_coated() {
+            true => self.folded().glossy_probability(cos),
+            false => 0.0,
+        };
+        let [reflected, transmitted] = [self.gloss.albedo, self.transmitted].map(luminance);
+        let through = transmitted / (reflected + transmitted).max(f32::MIN_POSITIVE);
+        let base = 1.0 - glossy;
+        [glossy, base * (1.0 - through), base * through]
+    }
+
+    #[cold]
+    #[inline(never)]
+    pub(super) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
+        let (wo, wi) = (above(wo.z, wo), above(wo.z, wi));
+        let cos = wi.z.abs();
+        let [glossy, reflected, transmitted] = self.chances(wo.z);
+        let (mut query, base, chance) = if wi.z > 0.0 {
+            let (mut query, cos_h) = reflection(wo, wi, self.gloss.distribution)?;
+            query.scale *= schlick(self.gloss.f0, self.gloss.f90, cos_h);
+            query.pdf_scale *= glossy;
+            (query, self.gloss.albedo, reflected)
+        } else if wo.z > 0.0 && wi.z < 0.0 {
+            (lobes::NO_LOBE, self.transmitted, transmitted)
+        } else {
+            return None;
+        };
+        query.base = base * self.gloss.coupling(wo.z, cos) * (cos * FRAC_1_PI);
+        query.base_pdf = chance * cos * FRAC_1_PI;
+        Some(query)
+    }
+
+    /// Value and density of a direction that was drawn.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn complete(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        wi: Vec3,
+        lobe: Lobe,
+    ) -> Option<BsdfSample> {
+        if alpha < DELTA_ALPHA && lobe == Lobe::Reflection {
+            let cos = wo.z.abs();
+            let weight = schlick(self.gloss.f0, self.gloss.f90, cos) / self.chances(cos)[0];
+            return delta(wi, weight, lobe);
+        }
+        finish(self.query(wo, wi), alpha, wi, lobe)
+    }
+
+    /// Direction and lobe of a sample.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn direction(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        u: impl LobeNumbers,
+    ) -> Option<(Vec3, Lobe)> {
+        let [choice, x, y] = u.uniform();
+        let side = wo.z;
+        let wo = above(side, wo);
+        if wo.z <= 0.0 {
+            return None;
+        }
+        let [glossy, reflected, _] = self.chances(wo.z);
+        if choice < glossy {
+            let wi = mirror(wo, self.gloss.distribution.sample_visible(alpha, wo, u));
+            return (wi.z > 0.0).then(|| (above(side, wi), Lobe::Reflection));
+        }
+        let wi = warp::cosine_hemisphere(Vec2::new(x, y));
+        let side = match choice < glossy + reflected {
+            true => side,
+            false => -side,
+        };
+        Some((above(side, wi), Lobe::Diffuse))
+    }
+}
