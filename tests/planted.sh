@@ -322,6 +322,9 @@ plant "merges: emission counts those beside the light" src/integrator/bidirectio
 plant "merges: all photons merge" src/integrator/bidirectional/photons.rs \
     's/filter\(\|\(_, photon\)\| photon\.merges\(\)\)/filter(|(_, photon)| true || photon.merges())/' \
     bidirectional::photons::photons_do_not_darken_thin_parts
+plant "resolve: halves of one sample take light across edges" src/resolve/mod.rs \
+    's/first\[i\] \* rough\[i\]/1.0 + 0.0 * first[i] * rough[i]/' \
+    lib::resolve::tests::one_sample_is_resolved_as_two_halves
 plant "translucent: the other side has the reflectance" src/bsdf/translucent.rs \
     's/NO_LOBE, self\.transmitted/NO_LOBE, self.gloss.albedo/' bsdf::translucent_surface_reflects_and_transmits_what_it_says
 plant "translucent: the sides change their densities" src/bsdf/translucent.rs \

@@ -13,6 +13,7 @@
 use super::Buffer;
 use super::film::Window;
 use crate::math::{Rgb, UVec2};
+use rayon::prelude::*;
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::ops::Range;
@@ -33,6 +34,9 @@ pub const MAX_LEVELS: usize = 8;
 /// Samples of a batch after which its sums are carried over, so that a sum of single numbers is off by 0.05 % at most, and
 /// a sum of features over all batches by 0.2 %.
 const CARRY: u32 = 1 << 14;
+
+/// Weight of the pixels beside one below which none is like it.
+const LEAST_WEIGHT: f32 = 0.01;
 
 const MAGIC: &[u8; 8] = b"opsrlvl4";
 
@@ -326,11 +330,14 @@ impl LevelFilm {
 
     /// The pixels of [`LevelFilm::mean`], row by row.
     pub(crate) fn means(&self, level: usize) -> impl ExactSizeIterator<Item = Rgb> {
-        (0..self.window.len()).map(move |index| {
-            let n: u32 = self.counts[index].iter().sum();
-            let sums = (0..BATCHES).map(|batch| self.sum(index, batch, level));
-            sums.sum::<Rgb>() / n.max(1) as f32
-        })
+        (0..self.window.len()).map(move |index| self.mean_of(index, level))
+    }
+
+    /// One of them.
+    fn mean_of(&self, index: usize, level: usize) -> Rgb {
+        let n: u32 = self.counts[index].iter().sum();
+        let sums = (0..BATCHES).map(|batch| self.sum(index, batch, level));
+        sums.sum::<Rgb>() / n.max(1) as f32
     }
 
     /// Means of the features.
@@ -411,6 +418,55 @@ impl LevelFilm {
             }
         }
         Some(Cow::Owned(film))
+    }
+
+    /// Two halves of a film of one sample, as batches: each is the picture of every other pixel, like the fields of one colour of a
+    /// chessboard, and between them a mean of the four around. `weights` are those of the pixels to the left, to the right, above and
+    /// below one. A pixel that none of them is like has its own light in both halves.
+    pub(crate) fn halves(&self, weights: &[[f32; 4]]) -> Self {
+        let (stride, width) = (self.levels + 1, self.window.w as usize);
+        let mut film = Self::new(self.size, self.window, self.levels);
+        film.features.clone_from(&self.features);
+        let count = |index: usize| self.counts[index].iter().sum::<u32>();
+        let pixels = film.sums.par_chunks_mut(BATCHES * stride);
+        let all = pixels.zip(&mut film.counts).zip(&mut film.features);
+        all.enumerate()
+            .for_each(|(index, ((sums, counts), features))| {
+                let x = index % width;
+                let near = [
+                    (x > 0).then(|| index - 1),
+                    (x + 1 < width).then_some(index + 1),
+                    index.checked_sub(width),
+                    Some(index + width).filter(|below| *below < self.counts.len()),
+                ];
+                let weights = weights[index];
+                let near = || {
+                    let pairs = near.iter().zip(weights);
+                    let there = pairs.filter_map(|(near, weight)| Some(((*near)?, weight)));
+                    there.filter(|(near, _)| count(*near) > 0)
+                };
+                let sum: f32 = near().map(|(_, weight)| weight).sum();
+                let n = count(index).max(1) as f32;
+                features.iter_mut().for_each(|feature| *feature *= 2.0 / n);
+                let place = self.window.pixel(index);
+                let first = ((place.x + place.y) % 2) as usize;
+                for level in 0..stride {
+                    let own = self.mean_of(index, level);
+                    let beside = match sum > LEAST_WEIGHT {
+                        true => {
+                            let light =
+                                near().map(|(near, weight)| weight * self.mean_of(near, level));
+                            light.sum::<Rgb>() / sum
+                        }
+                        false => own,
+                    };
+                    let own = if count(index) > 0 { own } else { beside };
+                    sums[first * stride + level] = own;
+                    sums[(1 - first) * stride + level] = beside;
+                }
+                counts[..2].fill(1);
+            });
+        film
     }
 
     // ── tiles ──

@@ -103,6 +103,25 @@ impl Guide {
         }
     }
 
+    /// Weights, below 1, of the pixels to the left, to the right, above and below one, which must be there.
+    pub(super) fn beside(&self, pixel: usize) -> [f32; 4] {
+        let (width, height) = self.size;
+        let (x, y) = (pixel % width, pixel / width);
+        let weight = |there: bool, other: usize| {
+            let mut weight = [0.0];
+            if there {
+                self.weights(1.0, 1.0, pixel, other, &mut weight);
+            }
+            weight[0]
+        };
+        [
+            weight(x > 0, pixel.wrapping_sub(1)),
+            weight(x + 1 < width, pixel + 1),
+            weight(y > 0, pixel.wrapping_sub(width)),
+            weight(y + 1 < height, pixel + width),
+        ]
+    }
+
     /// Layers blurred by a Gaussian of this standard deviation in pixels, at the inner pixels.
     pub(super) fn blur(&self, sigma: f32, inner: &Inner, layers: &[&Batches]) -> Vec<Batches> {
         self.blur_in_steps::<1>(sigma, inner, layers)

@@ -45,10 +45,14 @@ mod tiles;
 
 use crate::image::Buffer;
 use crate::image::exr::Layer;
+use crate::image::film::Window;
 use crate::image::level_film::{BATCHES, LevelFilm, MAX_LEVELS};
 use crate::integrator::Picture;
 use crate::math::{Rgb, Vec3A};
+use crate::memory;
 use coarse::{Caps, Coarse, FACTORS};
+use guide::{Guide, Surface};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use tiles::{Chosen, Shared, edge};
 
@@ -134,13 +138,24 @@ impl Resolved {
     /// Level 0 of a film, of whose error nothing is known.
     fn unknown(film: &LevelFilm) -> Self {
         let picture = film.mean(0);
-        let pixels = picture.pixels.len();
-        Self {
+        let unknown = Self {
+            level: vec![0; picture.pixels.len()],
             picture,
-            level: vec![0; pixels],
+            bias2: Vec::new(),
+            variance: Vec::new(),
+            noise: Vec::new(),
+        };
+        unknown.of_unknown_error()
+    }
+
+    /// The same picture, of whose error nothing is known.
+    fn of_unknown_error(self) -> Self {
+        let pixels = self.level.len();
+        Self {
             bias2: vec![0.0; pixels],
             variance: vec![f32::INFINITY; pixels],
             noise: vec![f32::INFINITY; pixels],
+            ..self
         }
     }
 
@@ -194,28 +209,72 @@ impl Resolved {
     }
 }
 
-/// Chooses for every pixel of a film. A film that cannot be made [complete](LevelFilm::complete), as those of one sample, has no
-/// noise estimate: its picture is level 0, its error infinite.
+/// Chooses for every pixel of a film. Where it may be blurred, a film of one sample is taken as two halves of its pixels, which need as much
+/// memory as the film. Else, and with pixels that have no sample, its picture is level 0. Of neither an error is known: it is infinite.
 pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
-    let Some(complete) = film.complete() else {
-        return Resolved::unknown(film);
+    let choose = |film: &LevelFilm| {
+        let limits = Limits::of(settings, film.levels());
+        resolve(film, limits, edge(&film.window()))
     };
-    let mut resolved = resolve(
-        &complete,
-        Limits::of(settings, film.levels()),
-        edge(&film.window()),
-    );
-    if settings == Resolve::None {
-        resolved.picture = film.mean(0);
+    match film.complete() {
+        Some(complete) => {
+            let mut resolved = choose(&complete);
+            if settings == Resolve::None {
+                resolved.picture = film.mean(0);
+            }
+            resolved
+        }
+        // Halves share all that their one sample has missed: their error is not stated.
+        None if settings == Resolve::Default && has_halves(film) => {
+            choose(&halves(film)).of_unknown_error()
+        }
+        None => Resolved::unknown(film),
     }
-    resolved
+}
+
+/// True for a film of one sample, if there is memory for its halves: estimates of a render's memory do not have them.
+fn has_halves(film: &LevelFilm) -> bool {
+    let pixels = film.window().len();
+    let weights = (pixels * size_of::<[f32; 4]>()) as u64;
+    let needed = LevelFilm::bytes(pixels, film.levels()) + 2 * weights;
+    film.batches() == 1 && memory::check("halves of a sample", needed).is_ok()
+}
+
+/// Rows of a picture whose guides are there at once.
+const ROWS: u32 = 64;
+
+/// The halves of a film of one sample, of which a pixel takes light from beside it along both its surfaces.
+fn halves(film: &LevelFilm) -> LevelFilm {
+    let window = film.window();
+    let end = window.y + window.h;
+    let weights = |first: u32| {
+        // With a row on each side, in which edges and slopes are looked for.
+        let y = first.saturating_sub(1).max(window.y);
+        let h = (first + ROWS + 1).min(end) - y;
+        let features = film.features_of(&Window { y, h, ..window });
+        let size = (window.w as usize, h as usize);
+        let guides = [Surface::First, Surface::Rough].map(|of| Guide::new(size, of, &features));
+        let rows = (first - y) as usize..((first + ROWS).min(end) - y) as usize;
+        let of = |pixel: usize| -> [f32; 4] {
+            let [first, rough] = guides.each_ref().map(|guide| guide.beside(pixel));
+            std::array::from_fn(|i| first[i] * rough[i])
+        };
+        let pixels = rows.start * size.0..rows.end * size.0;
+        pixels.map(of).collect::<Vec<_>>()
+    };
+    let bands: Vec<u32> = (window.y..end).step_by(ROWS as usize).collect();
+    let bands: Vec<_> = bands.into_par_iter().map(weights).collect();
+    film.halves(&bands.concat())
 }
 
 /// Stated error of a picture with these settings of the choice: that of the chosen level of every pixel if there are
 /// several levels, else the noise of its film.
 pub fn stated_error(picture: &Picture, settings: Resolve) -> Statement {
     match &picture.levels {
-        Some(film) if settings != Resolve::None => resolve_film(film, settings).statement(),
+        Some(film) if settings != Resolve::None => match film.batches() {
+            0 | 1 => Statement::UNKNOWN,
+            _ => resolve_film(film, settings).statement(),
+        },
         _ => film_error(&picture.film),
     }
 }

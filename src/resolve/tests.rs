@@ -966,6 +966,93 @@ fn failures_of_a_filter_are_handed_on_and_few_samples_are_filtered_as_they_are()
     assert!(!resolved.is_known() && resolved.error().iter().all(|e| e.is_infinite()));
 }
 
+/// One sample: noise goes, an edge of light and one of surfaces stay where the half pictures agree, and the sharp choice has none of it.
+#[test]
+fn one_sample_is_resolved_as_two_halves() {
+    const SIZE: usize = 64;
+    let frame = crate::math::UVec2::splat(SIZE as u32);
+    let right = |i: usize| i % SIZE >= SIZE / 2;
+    let truth = |i: usize| if right(i) { 2.0 } else { 0.5 };
+    let film = |same_surface: bool, noisy: f32| {
+        let mut film = LevelFilm::new(frame, Window::full(frame), 1);
+        for i in 0..SIZE * SIZE {
+            let mut features = [0.0; FEATURES];
+            let normal = if right(i) && !same_surface { 0 } else { 1 };
+            for first in [0, 4] {
+                features[first + normal] = 1.0;
+                features[first + 3] = 3.0;
+            }
+            let path = PathLevels {
+                levels: &[Rgb::splat(truth(i) * (1.0 + noisy * noise(0, 0, i)))],
+                shared: Rgb::ZERO,
+                features,
+            };
+            film.push(i, 0, &path);
+        }
+        film
+    };
+    let error = |picture: &Buffer, wanted: &dyn Fn(usize) -> bool| {
+        let pixels = picture
+            .pixels
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| wanted(*i));
+        let errors: Vec<f32> = pixels.map(|(i, p)| (p.x / truth(i) - 1.0).abs()).collect();
+        errors.iter().sum::<f32>() / errors.len() as f32
+    };
+    let at_edge = |i: usize| (SIZE / 2 - 1..=SIZE / 2).contains(&(i % SIZE));
+    for same_surface in [false, true] {
+        let film = film(same_surface, 0.3);
+        let raw = resolve_film(&film, SHARP);
+        assert_eq!(raw.picture, film.mean(0));
+        assert!(!raw.is_known());
+        let resolved = resolve_film(&film, Resolve::Default);
+        assert!(!resolved.is_known() && resolved.error().iter().all(|e| e.is_infinite()));
+        let [before, after] = [&raw, &resolved].map(|r| error(&r.picture, &|i| !at_edge(i)));
+        assert!(after < 0.3 * before, "{same_surface}: {before} {after}");
+        let edge = error(&resolved.picture, &at_edge);
+        // A pixel takes an eighth of its light from across an edge of light; a wide blur would take nearly half.
+        let most = if same_surface { 0.6 } else { 0.12 };
+        assert!(edge < most, "{same_surface}: {edge}");
+    }
+    // A picture without noise stays as it is on both sides of an edge of surfaces.
+    let film = film(false, 0.0);
+    let resolved = resolve_film(&film, Resolve::Default);
+    assert!(error(&resolved.picture, &|_| true) < 1e-3);
+}
+
+/// Rows of guides that are made at once leave no seam.
+#[test]
+fn halves_in_bands_are_those_of_the_whole() {
+    let frame = crate::math::UVec2::new(9, 2 * super::ROWS + 7);
+    let window = Window {
+        x: 1,
+        y: 3,
+        w: 8,
+        h: 2 * super::ROWS + 2,
+    };
+    let mut film = LevelFilm::new(frame, window, 2);
+    for i in 0..window.len() {
+        let of = |k: usize| noise(k, 0, i);
+        let path = PathLevels {
+            levels: &[Rgb::splat(of(1)), Rgb::splat(of(2))],
+            shared: Rgb::splat(of(3)),
+            features: std::array::from_fn(|k| 1.0 + 0.1 * of(k)),
+        };
+        film.push(i, 0, &path);
+    }
+    let size = (8, window.h as usize);
+    let [first, rough] =
+        [Surface::First, Surface::Rough].map(|of| Guide::new(size, of, &film.features()));
+    let weights = (0..window.len()).map(|i| {
+        let (first, rough) = (first.beside(i), rough.beside(i));
+        std::array::from_fn(|k| first[k] * rough[k])
+    });
+    let weights: Vec<[f32; 4]> = weights.collect();
+    assert!(weights.iter().flatten().any(|w| *w > 0.01));
+    assert_eq!(super::halves(&film), film.halves(&weights));
+}
+
 /// Light that a film of one level has met as few bright hits is cut as fireflies, and most of it comes back as energy.
 #[test]
 fn light_of_rare_hits_comes_back_to_one_level() {

@@ -9,6 +9,7 @@ use opsr::image::Buffer;
 use opsr::image::film::Film;
 use opsr::integrator::{Picture, Settings, Stop};
 use opsr::pilot::witness::{Missing, missing_light};
+use opsr::render::value::ResolveChoice;
 use opsr::render::{Fault, Names, Shown, Spec};
 use opsr_metric::flip;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -236,7 +237,13 @@ fn finished(
     missing: Option<&Missing>,
 ) -> Result<Snapshot, Fault> {
     let denoiser = spec.denoiser()?;
-    let shown = Shown::of(&job.picture, spec, denoiser.as_ref())?;
+    // The choice of one sample takes seconds of a large picture, and the next picture would wait for it.
+    let as_it_is = (job.samples == 1).then(|| Spec {
+        resolve: Some(ResolveChoice::Raw),
+        ..spec.clone()
+    });
+    let shown = as_it_is.as_ref().unwrap_or(spec);
+    let shown = Shown::of(&job.picture, shown, denoiser.as_ref())?;
     let mut maps = Maps::of(&shown, &job.picture.film, missing);
     let picture = shown.picture;
     let (flip, values) = against.flip(job.side, &picture);

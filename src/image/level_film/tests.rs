@@ -55,6 +55,55 @@ fn complete_film_lends_an_empty_batch_the_others_mean() {
     assert_eq!((film.batches(), film.complete()), (1, None));
 }
 
+/// Every half has the light of its own pixels, and between them a mean of those that are alike.
+#[test]
+fn halves_of_one_sample_are_two_chessboards() {
+    let size = UVec2::new(4, 3);
+    // In the frame the window begins with a pixel of the other colour.
+    let window = Window {
+        x: 3,
+        y: 2,
+        w: 4,
+        h: 3,
+    };
+    let mut film = LevelFilm::new(size + 4, window, 1);
+    let light = |index: usize, level: usize| Rgb::splat(1.0 + index as f32 + 100.0 * level as f32);
+    // Pixel 6 has no sample.
+    for index in (0..12).filter(|index| *index != 6) {
+        let path = PathLevels {
+            levels: &[light(index, 0)],
+            shared: light(index, 1),
+            features: [index as f32; FEATURES],
+        };
+        film.push(index, 0, &path);
+    }
+    // Nothing is like pixel 0. To the right of pixel 5 is the one without a sample, above it twice the weight.
+    let mut weights = [[1.0, 1.0, 2.0, 1.0]; 12];
+    weights[0] = [0.0; 4];
+    let halves = film.halves(&weights);
+    assert_eq!(halves.batches(), 2);
+    for level in 0..2 {
+        let at = |batch: usize, index: usize| halves.batch_mean(index, batch, level);
+        let mean = |of: &[(usize, f32)]| {
+            let sum: Rgb = of.iter().map(|(i, w)| *w * light(*i, level)).sum();
+            sum / of.iter().map(|(_, w)| w).sum::<f32>()
+        };
+        let near = |a: Rgb, b: Rgb| assert!((a - b).abs().max_element() < 1e-4, "{a} {b}");
+        // (3, 2) is odd: its own light is in the second half.
+        near(at(0, 0), light(0, level));
+        near(at(1, 0), light(0, level));
+        near(at(0, 1), light(1, level));
+        near(at(1, 1), mean(&[(0, 1.0), (2, 1.0), (5, 1.0)]));
+        near(at(1, 5), light(5, level));
+        near(at(0, 5), mean(&[(4, 1.0), (1, 2.0), (9, 1.0)]));
+        let around = mean(&[(5, 1.0), (7, 1.0), (2, 2.0), (10, 1.0)]);
+        near(at(0, 6), around);
+        near(at(1, 6), around);
+    }
+    let features = halves.features();
+    assert!((features[5][0] - 5.0).abs() < 1e-5 && features[6][0] == 0.0);
+}
+
 /// In single precision 0.7 added a million times is off by up to 1 %.
 #[test]
 fn means_of_millions_of_samples_are_those_of_few() {
