@@ -213,6 +213,30 @@ def test_translucent_shaders_transmit(tmp_path, kind):
     assert read["extensions"]["KHR_materials_specular"]["specularFactor"] == 0 and notes == []
 
 
+def test_translucent_shaders_that_no_base_has_are_named(tmp_path):
+    def of(a, b, inner=None):
+        tree = Tree()
+        node = tree.node("ADD_SHADER", A=None, B=None)
+        nodes = [tree.node(kind, **values) for kind, values in (a, b)]
+        if inner is not None:
+            inside = tree.node("ADD_SHADER", A=None, B=None)
+            tree.link(nodes[1], inside, "A")
+            tree.link(tree.node(inner[0], **inner[1]), inside, "B")
+            nodes[1] = inside
+        tree.link(nodes[0], node, "A")
+        tree.link(nodes[1], node, "B")
+        return translated(tree, node, tmp_path)
+
+    leaf = ("BSDF_TRANSLUCENT", {"Color": (0, 0.9, 0, 1)})
+    _, notes = of(("BSDF_DIFFUSE", {"Color": (0.9, 0, 0, 1)}), leaf)
+    assert any("they are clipped" in note for note in notes)
+    _, notes = of(("BSDF_GLOSSY", {"Color": (0.5, 0.5, 0.5, 1), "Roughness": 0.2}), leaf)
+    assert any("adds two surfaces" in note for note in notes)
+    shining = ("EMISSION", {"Color": (1, 0.5, 0, 1), "Strength": 0.25})
+    read, notes = of(("BSDF_DIFFUSE", {"Color": (0, 0.05, 0, 1)}), leaf, shining)
+    assert read["emissiveFactor"] == pytest.approx([0.25, 0.125, 0]) and notes == []
+
+
 def test_a_body_is_black_at_no_temperature():
     # The white of Rec. 709 is a daylight of 6504 K: a black body near it is nearly white.
     assert materials.blackbody(6500) == pytest.approx((1, 1, 1), abs=0.06)

@@ -210,7 +210,8 @@ impl Resolved {
 }
 
 /// Chooses for every pixel of a film. Where it may be blurred, a film of one sample is taken as two halves of its pixels, which need as much
-/// memory as the film. Else, and with pixels that have no sample, its picture is level 0. Of neither an error is known: it is infinite.
+/// memory as the film. Else, and where more than a hundredth of the pixels have no sample, its picture is level 0. In both cases the error is
+/// unknown, and given as infinite.
 pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
     let choose = |film: &LevelFilm| {
         let limits = Limits::of(settings, film.levels());

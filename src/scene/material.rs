@@ -405,6 +405,7 @@ impl Material {
             && self.base_color == Rgb::ZERO
             && self.specular == 0.0
             && self.metallic == 0.0
+            && self.translucency().is_none()
     }
 
     /// True for a Lambertian material: a dielectric whose coat reflects nothing.

@@ -359,7 +359,7 @@ fn coat_is_selected_by_its_reflectance() {
     }
 }
 
-/// Light that a surface reflects and transmits on the whole, from `n` draws at cosines that the caller may take.
+/// Light that a surface reflects and transmits on the whole, from `n` draws.
 fn scattered(bsdf: &Bsdf, alpha: f32, wo: Vec3, n: usize) -> [Rgb; 2] {
     let mut rng = rng(150);
     let mut sums = [Rgb::ZERO; 2];

@@ -401,6 +401,38 @@ fn foreign_translucent_sheet_as_gltf_transmits_as_much() {
     }
 }
 
+/// A base has one colour for what it reflects and one for what it transmits, in shares: not all pairs fit, and those are named.
+#[test]
+fn foreign_translucent_colours_that_gltf_cannot_hold_are_named() {
+    use opsr_lab::gallery::lowered;
+    let made = |reflected: &str, transmitted: &str| {
+        let text = format!(
+            "WorldBegin\nMaterial \"diffusetransmission\" \"rgb reflectance\" [ {reflected} ] \"rgb transmittance\" [ {transmitted} ]\n\
+             Shape \"disk\""
+        );
+        lowered::lowered(read("a.pbrt", &text, false).unwrap().parts)
+    };
+    let red_and_green = made("0.9 0 0", "0 0.9 0");
+    let line =
+        "1 colours of light that is reflected and transmitted, which one base cannot have both";
+    assert_eq!(red_and_green.lost, [line]);
+    // More than there is, is scaled down in all channels alike, as it is rendered.
+    let bright = made("0.8 0.2 0.2", "0.8 0.2 0.2");
+    assert!(bright.lost.is_empty(), "{:?}", bright.lost);
+    let material = &bright.parts.materials[0];
+    let through = material.translucency().unwrap();
+    let [reflected, passed] = [
+        material.base_color * (1.0 - through.weight),
+        through.color * through.weight,
+    ];
+    let expected = Rgb::new(0.8, 0.2, 0.2) / 1.6;
+    assert!(
+        (reflected - expected).abs().max_element() < 1e-6,
+        "{reflected}"
+    );
+    assert!((passed - expected).abs().max_element() < 1e-6, "{passed}");
+}
+
 /// What light a layer of plastic returns to the base, which takes on its colour again, is written into the colour.
 #[test]
 fn foreign_plastic_as_gltf_reflects_as_much() {

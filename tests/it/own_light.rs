@@ -193,6 +193,16 @@ fn lamps_light_and_decoration_does_not() {
         ),
         ("screen", screen(1.0), Some(1), false),
         ("dial", screen(0.1), None, false),
+        (
+            "paper that shines",
+            with(
+                5.0,
+                materials::translucent(black(1.0), 0.5, Rgb::ONE),
+                [mapped(square(1.0, 2.5))],
+            ),
+            None,
+            true,
+        ),
         ("picture that is unlit", large(black(0.9)), None, false),
         (
             "lamp that faces away",

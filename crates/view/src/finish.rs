@@ -11,6 +11,7 @@ use opsr::integrator::{Picture, Settings, Stop};
 use opsr::pilot::witness::{Missing, missing_light};
 use opsr::render::value::ResolveChoice;
 use opsr::render::{Fault, Names, Shown, Spec};
+use opsr::resolve::Resolve;
 use opsr_metric::flip;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -239,7 +240,7 @@ fn finished(
     let denoiser = spec.denoiser()?;
     // The choice of one sample takes seconds of a large picture, and the next picture would wait for it.
     let as_it_is = (job.samples == 1).then(|| Spec {
-        resolve: Some(ResolveChoice::Raw),
+        resolve: Some(ResolveChoice::Film(Resolve::None)),
         ..spec.clone()
     });
     let shown = as_it_is.as_ref().unwrap_or(spec);
@@ -307,7 +308,8 @@ mod tests {
         missing_light_is_shown_at(Amounts::Blurred);
     }
 
-    fn missing_light_is_shown_at(amounts: Amounts) {
+    /// A render of a pool under the sun with these samples.
+    fn job(amounts: Amounts, samples: u32) -> Job {
         let scene = Scene::new(builtin("sun-pool").expect("a scene"));
         let camera = scene.parts().cameras[0].clone();
         let opened = Opened {
@@ -320,7 +322,7 @@ mod tests {
             in_studio: false,
             lighting: None,
         };
-        let (size, samples) = (UVec2::splat(40), 400);
+        let size = UVec2::splat(40);
         let settings = Settings {
             amounts,
             ..Settings::default()
@@ -331,7 +333,7 @@ mod tests {
         let mut picture = Picture::blank(size, view.window, &settings.amounts, Recorded::default())
             .expect("a film");
         settings.integrator().pass(&view, 0..samples, &mut picture);
-        let job = Job {
+        Job {
             side: 0,
             run: 3,
             viewpoint: viewpoint.clone(),
@@ -340,20 +342,38 @@ mod tests {
             samples,
             seconds: 1.0,
             over: Arc::default(),
-        };
+        }
+    }
+
+    const ALONE: Against = Against {
+        picture: None,
+        reference: None,
+        shown: false,
+    };
+
+    #[test]
+    fn first_sample_is_shown_as_it_is() {
+        for (samples, resolved) in [(1, false), (2, true)] {
+            let job = job(Amounts::Blurred, samples);
+            let shown = finished(&job, &Spec::default(), &ALONE, None).expect("a picture");
+            assert_eq!(
+                shown.picture != job.picture.film.mean(),
+                resolved,
+                "{samples}"
+            );
+        }
+    }
+
+    fn missing_light_is_shown_at(amounts: Amounts) {
+        let job = job(amounts, 400);
         let mut witness = Witness::default();
         let spec = Spec::default();
         assert!(witness.is_due(&job, &spec) && witness.look(&job));
         assert!(!witness.is_due(&job, &spec));
         assert!(witness.of(2).is_none());
         let missing = witness.of(3).expect("light is missing");
-        let alone = Against {
-            picture: None,
-            reference: None,
-            shown: false,
-        };
         let made = |missing| {
-            finished(&job, &spec, &alone, missing)
+            finished(&job, &spec, &ALONE, missing)
                 .expect("a picture")
                 .maps
         };

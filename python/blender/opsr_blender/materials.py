@@ -139,8 +139,11 @@ class Reader:
             return a or b
         if a["translucent"] == 1.0 or b["translucent"] == 1.0:
             through, base = (a, b) if a["translucent"] == 1.0 else (b, a)
-            if base["translucent"] == 0.0 and not is_dark(base):
-                return added(base, through["through"])
+            if is_plain(base) and not is_dark(base) and a["alpha"] == b["alpha"] == 1.0:
+                look, fits = added(base, through)
+                if not fits:
+                    self.note(f"{node.name} adds colours that one base cannot have both: they are clipped")
+                return look
         lit, base = (a, b) if is_dark(a) else (b, a)
         if not is_dark(lit):
             self.note(f"{node.name} adds two surfaces: only the first is shown")
@@ -199,12 +202,20 @@ def mean(a, b, share):
     return (1 - share) * a + share * b
 
 
-def added(look, through):
-    """A look whose base transmits this colour beside what it reflects."""
-    reflected, transmitted = max(look["color"]), max(through)
+def added(look, other):
+    """A look whose base transmits what the other one does beside what it reflects, and whether colours of at most 1 can say so."""
+    reflected, transmitted = max(look["color"]), max(other["through"])
     share = transmitted / max(reflected + transmitted, 1e-6)
     scaled = lambda color, part: tuple(c / part if part > 0 else 0.0 for c in color)
-    return {**look, "color": scaled(look["color"], 1 - share), "translucent": share, "through": scaled(through, share)}
+    color, through = scaled(look["color"], 1 - share), scaled(other["through"], share)
+    emission = tuple(x + y for x, y in zip(look["emission"], other["emission"], strict=True))
+    fits = max(*color, *through) <= 1.001
+    return {**look, "color": color, "translucent": share, "through": through, "emission": emission}, fits
+
+
+def is_plain(look):
+    """True for a base that reflects diffusely, under a coat or not, and nothing else."""
+    return look["metallic"] == look["transmission"] == look["translucent"] == look["coat"] == max(look["sheen"]) == 0.0
 
 
 def is_clear(look):

@@ -667,6 +667,13 @@ fn foreign_surfaces_transmit_diffusely() {
         )),
         [0.5 * fifth, quarter],
     );
+    let scaled = |scale: &str| {
+        pbrt(&format!(
+            "Material \"diffusetransmission\" {both} \"float scale\" {scale}"
+        ))
+    };
+    near(scaled("-1"), [Rgb::ZERO; 2]);
+    near(scaled("1e39"), [Rgb::splat(0.5); 2]);
     // A coat of version 3 dims both sides alike, and glossy transmission is named.
     let shiny = "WorldBegin\nMaterial \"translucent\" \"rgb Kd\" [0.4 0.4 0.4] \"rgb reflect\" [1 1 1]\nShape \"disk\"";
     let shiny = usual("a.pbrt", shiny);

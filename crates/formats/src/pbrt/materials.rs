@@ -106,10 +106,12 @@ impl Scene<'_> {
                 material
             }
             "diffusetransmission" => {
-                let scale = parameters.number("scale", 1.0)? as f32;
+                // The scaled colours are from 0 to 1, as in pbrt.
+                let scale = parameters.number("scale", 1.0)?.clamp(0.0, 1e6) as f32;
                 let mut of = |name: &str| -> Result<Paint> {
                     let paint = self.paint(parameters, name, Paint::from(0.25))?;
-                    let factor = paint.factor * scale;
+                    let most = if paint.map.is_some() { 1e6 } else { 1.0 };
+                    let factor = (paint.factor * scale).clamp(Rgb::ZERO, Rgb::splat(most));
                     Ok(Paint { factor, ..paint })
                 };
                 let (reflected, transmitted) = (of("reflectance")?, of("transmittance")?);

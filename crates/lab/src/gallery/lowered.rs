@@ -73,9 +73,16 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
             changed.push("1 spot light by glTF's fall-off".into());
         }
     }
+    let mut unlike = 0;
     for material in &mut parts.materials {
         *material = plain(material, &textures);
+        unlike += usize::from(clipped(material));
     }
+    count(
+        &mut lost,
+        unlike,
+        "colours of light that is reflected and transmitted, which one base cannot have both",
+    );
     for mesh in &mut parts.meshes {
         *mesh = Mesh {
             tangents: Vec::new(),
@@ -157,9 +164,26 @@ fn shared_base(base: Rgb, weight: f32, color: Rgb, keeps_base: bool) -> (Rgb, Tr
     if !keeps_base {
         return (base, plain(weight, color));
     }
-    let passed = weight * color;
+    // Scaled down as where it is rendered.
+    let most = (base + weight * color).max_element().max(1.0);
+    let (base, passed) = (base / most, weight * color / most);
     let (kept, through) = (base.max_element(), passed.max_element());
     let share = through / (kept + through).max(f32::MIN_POSITIVE);
-    let over = |c: Rgb, part: f32| (c / part.max(f32::MIN_POSITIVE)).min(Rgb::ONE);
+    let over = |c: Rgb, part: f32| c / part.max(f32::MIN_POSITIVE);
     (over(base, 1.0 - share), plain(share, over(passed, share)))
+}
+
+/// Clips the colours of a base that transmits; true if that changes them.
+fn clipped(material: &mut Material) -> bool {
+    let Some(through) = material
+        .finish
+        .as_mut()
+        .and_then(|f| f.translucency.as_mut())
+    else {
+        return false;
+    };
+    let colors = [&mut material.base_color, &mut through.color];
+    let most = colors.iter().fold(0.0, |most, c| c.max_element().max(most));
+    colors.into_iter().for_each(|c| *c = c.min(Rgb::ONE));
+    most > 1.001
 }
