@@ -326,9 +326,9 @@ plant "resolve: halves of one sample take light across edges" src/resolve/mod.rs
     's/first\[i\] \* rough\[i\]/1.0 + 0.0 * first[i] * rough[i]/' \
     lib::resolve::tests::one_sample_is_resolved_as_two_halves
 plant "translucent: the other side has the reflectance" src/bsdf/translucent.rs \
-    's/NO_LOBE, self\.transmitted/NO_LOBE, self.gloss.albedo/' bsdf::translucent_surface_reflects_and_transmits_what_it_says
+    's/false => \(self\.transmitted/false => (self.gloss.albedo/' bsdf::translucent_surface_reflects_and_transmits_what_it_says
 plant "translucent: the sides change their densities" src/bsdf/translucent.rs \
-    's/let \[glossy, reflected, transmitted\]/let [glossy, transmitted, reflected]/' bsdf::chi_square_of_sample_against_pdf
+    's/let \[_, reflected, transmitted\]/let [_, transmitted, reflected]/' bsdf::chi_square_of_sample_against_pdf
 plant "translucent: light walks take the surface for opaque" src/bsdf/mod.rs \
     's/Self::Anisotropic\(_\) \| Self::Exact\(_\)/Self::Anisotropic(_) | Self::Exact(_) | Self::Translucent(_)/' \
     bidirectional::strategies::agreement_of_each_strategy_through_translucent_sheets

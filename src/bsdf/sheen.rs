@@ -3,8 +3,8 @@
 //!
 //! The lobe is so wide that rules have nothing to roughen: to them it is a diffuse one.
 
-use super::lobes::above;
-use super::{BsdfSample, Distribution, Lobe, LobeQuery};
+use super::lobes::{NO_LOBE, above};
+use super::{BsdfSample, Lobe, LobeQuery};
 use crate::math::{Rgb, Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::sync::LazyLock;
@@ -73,12 +73,7 @@ impl Sheen {
         (wo.z > 0.0 && wi.z > 0.0).then(|| LobeQuery {
             base: self.color * reflected(self.alpha, wo, wi),
             base_pdf: 1.0 / TAU,
-            scale: Rgb::ZERO,
-            pdf_scale: 0.0,
-            tan2_h: 0.0,
-            tan2_o: 0.0,
-            tan2_i: 0.0,
-            distribution: Distribution::Beckmann,
+            ..NO_LOBE
         })
     }
 

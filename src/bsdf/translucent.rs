@@ -11,11 +11,8 @@
 //!
 //! Both sides have the coat, as if it were on either face. A smooth coat and its base sum to F + (1 − F)(a + t).
 
-use super::fresnel::schlick;
-use super::lobes::{above, delta, finish, mirror, reflection};
-use super::{
-    Bsdf, BsdfSample, DELTA_ALPHA, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery, lobes,
-};
+use super::lobes::{NO_LOBE, above, finish};
+use super::{Bsdf, BsdfSample, DELTA_ALPHA, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery};
 use crate::math::{Rgb, Vec2, Vec3, luminance, warp};
 use std::f32::consts::FRAC_1_PI;
 
@@ -90,16 +87,17 @@ impl Translucent {
     pub(super) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
         let (wo, wi) = (above(wo.z, wo), above(wo.z, wi));
         let cos = wi.z.abs();
-        let [glossy, reflected, transmitted] = self.chances(wo.z);
-        let (mut query, base, chance) = if wi.z > 0.0 {
-            let (mut query, cos_h) = reflection(wo, wi, self.gloss.distribution)?;
-            query.scale *= schlick(self.gloss.f0, self.gloss.f90, cos_h);
-            query.pdf_scale *= glossy;
-            (query, self.gloss.albedo, reflected)
-        } else if wo.z > 0.0 && wi.z < 0.0 {
-            (lobes::NO_LOBE, self.transmitted, transmitted)
-        } else {
+        let [_, reflected, transmitted] = self.chances(wo.z);
+        if wo.z <= 0.0 || wi.z == 0.0 {
             return None;
+        }
+        let (base, chance) = match wi.z > 0.0 {
+            true => (self.gloss.albedo, reflected),
+            false => (self.transmitted, transmitted),
+        };
+        let mut query = match wi.z > 0.0 && self.is_coated() {
+            true => self.folded().query(wo, wi)?,
+            false => NO_LOBE,
         };
         query.base = base * self.gloss.coupling(wo.z, cos) * (cos * FRAC_1_PI);
         query.base_pdf = chance * cos * FRAC_1_PI;
@@ -117,9 +115,7 @@ impl Translucent {
         lobe: Lobe,
     ) -> Option<BsdfSample> {
         if alpha < DELTA_ALPHA && lobe == Lobe::Reflection {
-            let cos = wo.z.abs();
-            let weight = schlick(self.gloss.f0, self.gloss.f90, cos) / self.chances(cos)[0];
-            return delta(wi, weight, lobe);
+            return self.folded().complete(alpha, wo, wi, lobe);
         }
         finish(self.query(wo, wi), alpha, wi, lobe)
     }
@@ -134,21 +130,15 @@ impl Translucent {
         u: impl LobeNumbers,
     ) -> Option<(Vec3, Lobe)> {
         let [choice, x, y] = u.uniform();
-        let side = wo.z;
-        let wo = above(side, wo);
-        if wo.z <= 0.0 {
-            return None;
-        }
-        let [glossy, reflected, _] = self.chances(wo.z);
+        let [glossy, reflected, _] = self.chances(wo.z.abs());
         if choice < glossy {
-            let wi = mirror(wo, self.gloss.distribution.sample_visible(alpha, wo, u));
-            return (wi.z > 0.0).then(|| (above(side, wi), Lobe::Reflection));
+            return self.folded().direction(alpha, wo, u);
         }
         let wi = warp::cosine_hemisphere(Vec2::new(x, y));
         let side = match choice < glossy + reflected {
-            true => side,
-            false => -side,
+            true => wo.z,
+            false => -wo.z,
         };
-        Some((above(side, wi), Lobe::Diffuse))
+        (wo.z != 0.0).then(|| (above(side, wi), Lobe::Diffuse))
     }
 }
