@@ -92,6 +92,9 @@ impl Recorder for Guides {
         if let (Some(aovs), Some(tile)) = (&mut self.aovs, tile.aovs) {
             aovs.join(tile);
         }
+        // One path of every pixel is all there will be.
+        let room = self.window.len().saturating_sub(self.paths.len());
+        self.paths.reserve_exact(room);
         self.paths.extend(tile.paths);
     }
 }

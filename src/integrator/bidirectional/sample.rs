@@ -162,7 +162,7 @@ impl Iteration<'_> {
             let walk = |paths| self.light_chunk(paths);
             let factor = driver.run_batches(pieces, walk, |_, chunk| {
                 layer.add_in_order(&chunk.splats, 1.0);
-                vertices.append(chunk.vertices);
+                vertices.append(chunk.vertices, self.paths);
             })?;
             layer.scale(factor);
             let low = self.view.scene.geometry().bounds().0;
