@@ -251,6 +251,14 @@ plant "resolve: two batches are believed as four" src/resolve/layer.rs \
 plant "resolve: a denoised picture of two samples states an error" src/resolve/denoised.rs \
     's/Resolved::unknown\(film\)/resolved/' \
     lib::resolve::tests::failures_of_a_filter_are_handed_on_and_few_samples_are_filtered_as_they_are
+plant "resolve: a denoiser is judged by the samples that it has seen" src/resolve/denoised.rs \
+    's/one \* \(a - other\) \+ two \* \(b - raw\)/one * (a - raw) + two * (b - other)/' \
+    lib::resolve::tests::a_filter_is_believed_as_far_as_it_is_right
+plant "resolve: a denoised picture is as noisy as its halves" src/resolve/denoised.rs \
+    's/ - 0\.25 \* \(a - b\) \* \(one - two\)//' lib::resolve::tests::share_of_a_filter_is_that_of_the_least_error
+plant "photons: lists of light paths double" src/integrator/bidirectional/photons.rs \
+    's/list\.reserve_exact\(end\.max\(length\) - list\.len\(\)\)/list.reserve(length)/' \
+    lib::integrator::bidirectional::photons::tests::lists_grow_to_the_length_that_is_expected
 plant "resolve: a pixel leaves out the first cell around it" src/resolve/guide.rs \
     's/let first = most\.saturating_sub\(shift\);/let first = most.saturating_sub(shift) + edge;/' \
     lib::resolve::tests::values_of_cells_are_a_gaussian_mean_of_those_around

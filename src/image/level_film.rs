@@ -382,6 +382,28 @@ impl LevelFilm {
         lacking.iter().take_while(enough).count()
     }
 
+    /// Half of the batches, the first two or the others, as a film of two. Its guides are those of all.
+    pub(crate) fn half(&self, second: bool) -> Self {
+        let first = if second { BATCHES / 2 } else { 0 };
+        let each = self.levels + 1;
+        let mut half = Self::new(self.size, self.window, self.levels);
+        half.features = self.features();
+        let sums = half.sums.chunks_exact_mut(BATCHES * each);
+        let pixels = half.counts.iter_mut().zip(&mut half.features).zip(sums);
+        for (index, ((counts, features), sums)) in pixels.enumerate() {
+            for batch in 0..BATCHES / 2 {
+                counts[batch] = self.counts[index][first + batch];
+                for level in 0..each {
+                    sums[batch * each + level] = self.sum(index, first + batch, level);
+                }
+            }
+            // Sums, as of samples.
+            let count = counts.iter().sum::<u32>() as f32;
+            features.iter_mut().for_each(|feature| *feature *= count);
+        }
+        half
+    }
+
     /// The film with a sample in every batch that has samples, and none beyond: where one has none, since all were
     /// refused, it has the mean of the pixel's others. `None` of fewer than two batches, as films of one sample are.
     pub fn complete(&self) -> Option<Cow<'_, Self>> {

@@ -70,7 +70,7 @@ impl Shown {
         };
         let (shown, resolved) = match (&picture.levels, resolved) {
             (Some(film), Some(resolved)) if how != Resolve::None => {
-                let resolved = denoise_film(film, resolved, clean)?.resolved;
+                let resolved = denoise_film(film, how, resolved, clean)?;
                 (resolved.picture.clone(), Some(resolved))
             }
             (_, resolved) => (clean(&before)?, resolved),

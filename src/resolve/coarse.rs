@@ -46,9 +46,6 @@ const AVERAGED: f32 = 1762.0;
 /// blur has lost most of the light.
 pub(super) const FACTORS: [f32; 2] = [0.5, 16.0];
 
-/// Least and largest factor that brings a denoised picture to the energy of the choice.
-const DENOISED_FACTORS: [f32; 2] = [0.5, 2.5];
-
 /// Variances of a difference that count as noise: less would paint the light of two or three hits around them.
 const DOUBT: f32 = 2.0;
 
@@ -298,35 +295,6 @@ pub(super) struct Energy {
 }
 
 impl Energy {
-    /// Factors that bring a picture to the energy of another.
-    pub(super) fn between(pixels: Size, have: &[Rgb], want: &[Rgb]) -> Self {
-        let cells = (pixels.0.div_ceil(CELL), pixels.1.div_ceil(CELL));
-        let [have, want] = [have, want].map(|picture| {
-            let cell = |cell: usize| {
-                let inside = pixels_of(pixels, cells, cell);
-                let count = inside.clone().count() as f32;
-                inside.map(|i| Vec3A::from(picture[i])).sum::<Vec3A>() / count
-            };
-            let mut light: Vec<Vec3A> = (0..cells.0 * cells.1).map(cell).collect();
-            tent(cells, RADIUS, &mut light);
-            light
-        });
-        let [least, most] = DENOISED_FACTORS.map(Vec3A::splat);
-        let ratio = |(have, want): (&Vec3A, &Vec3A)| {
-            let floor = Vec3A::splat(f32::MIN_POSITIVE);
-            // Without any light there is nothing to bring.
-            let ratio = want.max(floor) / have.max(floor);
-            ratio.clamp(least, most)
-        };
-        let mut factors: Vec<Vec3A> = have.iter().zip(&want).map(ratio).collect();
-        tent(cells, SMOOTH, &mut factors);
-        Self {
-            cells,
-            width: pixels.0,
-            factors,
-        }
-    }
-
     /// The factor of a pixel, which counts row by row.
     pub(super) fn at(&self, pixel: usize) -> Vec3A {
         let corners = Corners::of(self.cells, (pixel % self.width, pixel / self.width));
