@@ -15,7 +15,7 @@
 //! ```
 //!
 //! and E[N] / E[Q] is the share of the filter in the mix of choice and filter that has the least squared error. It is taken from the tents
-//! of N and Q around every pixel, as far as their noise allows, and from the sums over the picture beyond that:
+//! of N and Q around every pixel, and the more they are noise, from the sums over the picture:
 //!
 //! ```text
 //! λ₀ = Σ N / Σ Q

@@ -910,7 +910,7 @@ fn share_of_a_filter_is_that_of_the_least_error() {
     let truth = Buffer::filled(SIZE, SIZE, Rgb::ONE);
     let variance = squared_error(&raw.picture, &truth);
     for ratio in [1.0, 2.5] {
-        // A filter whose squared error is so many times that of the means.
+        // A filter whose squared error is this multiple of that of the means.
         let off = truth.map(|p| p + Rgb::splat((ratio * variance).sqrt()));
         let mixed = denoise_film(&film, Resolve::None, raw.clone(), |_| {
             Ok::<_, ()>(off.clone())
