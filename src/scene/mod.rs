@@ -586,7 +586,7 @@ impl Scene {
     #[inline(never)]
     fn varying_bsdf(&self, surface: &mut Surface, u: f32, footprint: Option<Footprint>) -> Bsdf {
         let material = self.material(surface);
-        match &material.finish {
+        let bsdf = match &material.finish {
             None => {
                 let axes = footprint
                     .filter(|_| self.is_filtered(surface.material))
@@ -595,7 +595,9 @@ impl Scene {
                 material.bsdf_of(&look, u)
             }
             Some(finish) => self.finished_bsdf(finish, surface, u),
-        }
+        };
+        surface.least_reflected -= (1.0 + surface.least_reflected) * bsdf.matt_share();
+        bsdf
     }
 
     /// The emission at the end of a ray, as light sampling from the ray's origin sees it; `None` if the ray ends on

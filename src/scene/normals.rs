@@ -72,7 +72,8 @@ pub(super) const LEAST_ROUGH: f32 = 0.08;
 pub(super) const LEAST_SMOOTH: f32 = 0.01;
 
 /// Bends a shading normal on the side of `ng` towards `ng`, just so far that the mirror image of `w` about it has a cosine of `least`
-/// with `ng`, or 0.9 of that of `w` if this is less. The same for `w` and `-w`.
+/// with `ng`, or 0.9 of that of `w` if this is less. The same for `w` and `-w`. With a `least` of -1 the normal bends just so far that `w` is
+/// on its side, which is all that matt light needs.
 ///
 /// A mirror direction below the surface is light that a smooth or glossy lobe loses: dark rims of coarse meshes, black ripples of
 /// normal maps.
@@ -85,7 +86,7 @@ pub(super) fn bent(ns: Vec3, ng: Vec3, w: Vec3, least: f32) -> Vec3 {
     let cos = w.dot(ng);
     let side = if cos < 0.0 { -1.0 } else { 1.0 };
     let c = cos.abs();
-    let least = (0.9 * c).min(least);
+    let least = least.clamp(-0.9 * c, 0.9 * c);
     let along = ns.dot(ng);
     if 2.0 * side * w.dot(ns) * along >= c + least {
         return ns;
@@ -185,10 +186,10 @@ mod tests {
             let ns = Vec3::new(lean * (7.0 * b).cos(), lean * (7.0 * b).sin(), a);
             let height = c.powi(4).max(1e-4);
             let w = Vec3::new((1.0 - height * height).sqrt(), 0.0, height);
-            for least in [LEAST_ROUGH, LEAST_SMOOTH, 0.0] {
+            for least in [LEAST_ROUGH, LEAST_SMOOTH, 0.0, -0.5, -1.0] {
                 let n = bent(ns, ng, w, least);
                 assert_eq!(n, bent(ns, ng, -w, least));
-                let bound = least.min(0.9 * height);
+                let bound = least.clamp(-0.9 * height, 0.9 * height);
                 let cos = mirrored(w, n).dot(ng);
                 assert!((n.length() - 1.0).abs() < 1e-5 && n.dot(w) > 0.0, "{n}");
                 assert!(cos >= bound - 1e-5, "{ns} {w}: {cos} for {bound}");

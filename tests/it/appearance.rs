@@ -233,6 +233,38 @@ fn normal_map_tilts_the_shading() {
     }
 }
 
+/// A normal map that leans away from a low camera shades matt light as it does for a high one, as far as the camera sees its front.
+#[test]
+fn relief_of_matt_surfaces_does_not_depend_on_the_view() {
+    for (degrees, elevation) in [(40.0f32, 45.0f32), (25.0, 30.0), (15.0, 20.0)] {
+        let (lean, elevation) = (degrees.to_radians(), elevation.to_radians());
+        let encode = |x: f32| (127.5 + 127.5 * x).round() as u8;
+        let texel = [encode(-lean.sin()), encode(0.0), encode(lean.cos()), 255];
+        let [x, y, z] = [0, 1, 2].map(|c| 2.0 * f32::from(texel[c]) / 255.0 - 1.0);
+        let expected = 0.5 / PI * Vec3::new(x, y, z).normalize().z;
+        let mut parts = floor([0.0; 3]);
+        parts.textures.push(row(&[texel]));
+        parts.materials[0].normal_texture = map(0);
+        parts.cameras.clear();
+        let place = 4.0 * Vec3::new(0.0, elevation.sin(), elevation.cos());
+        parts.add_camera(place.to_array(), [0.0; 3], 0.01);
+        parts.lights.push(PunctualLight::Directional {
+            direction: Vec3::NEG_Y,
+            irradiance: Rgb::ONE,
+        });
+        let matt = parts.clone();
+        assert_close(brightness(matt, 2, 4), expected.into(), "matt");
+        // Under a rough gloss, which takes a little of it, too.
+        let gloss = &mut parts.materials[0];
+        (gloss.specular, gloss.alpha) = (0.1, 0.6);
+        let found = brightness(parts, 2, 4);
+        assert!(
+            (found / f64::from(expected) - 1.0).abs() < 0.1,
+            "{found} {expected}"
+        );
+    }
+}
+
 /// A floor under a panel of this material, two units wide and two units above.
 fn under(material: Material, textures: Vec<Texture>, width: f32) -> SceneParts {
     let mut parts = floor([0.0; 3]);
