@@ -35,6 +35,10 @@ const REACHED: f64 = 0.1;
 /// Share of what the camera sees that emits evenly, above which it is a picture by itself.
 const PICTURE: f64 = 0.5;
 
+/// Emitted radiance over the reflected one of the same surfaces from which what the camera sees is emission: less is a tint of what the
+/// surroundings light.
+const VISIBLE: f64 = 0.25;
+
 /// Light of a scene's surfaces and of surroundings, at the points that its camera sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lighting {
@@ -48,6 +52,8 @@ pub struct Lighting {
     pub around: f64,
     /// Points that the camera sees and that emit, by a material without an emissive texture.
     pub emitting: u32,
+    /// Mean radiance that those emit over what they would reflect of the surroundings; infinite where they reflect nothing.
+    pub glow: f64,
     /// Share of the light above which the scene's own surfaces are its lamps.
     pub least: f64,
     /// True if no path from any point leaves the scene.
@@ -64,7 +70,7 @@ impl Lighting {
     /// True if the scene's own surfaces are its lamps.
     pub(crate) fn is_lit(&self) -> bool {
         let seen = f64::from(self.points + self.emitting);
-        let is_picture = f64::from(self.emitting) > PICTURE * seen;
+        let is_picture = f64::from(self.emitting) > PICTURE * seen && self.glow >= VISIBLE;
         let reaches = f64::from(self.reached) >= REACHED * f64::from(self.points);
         is_picture || self.own > 0.0 && (self.enclosed || reaches && self.share() >= self.least)
     }
@@ -87,34 +93,58 @@ impl Scene {
             enclosed: true,
             ..Lighting::default()
         };
+        let mut seen = [0.0; 2];
         for y in 0..GRID {
             for x in 0..GRID {
-                self.light_at(&camera, UVec2::new(x, y), around, &mut light);
+                self.light_at(&camera, UVec2::new(x, y), around, &mut light, &mut seen);
             }
         }
+        let [emitted, reflected] = seen;
+        light.glow = if emitted > 0.0 {
+            emitted / reflected
+        } else {
+            0.0
+        };
         let points = f64::from(light.points.max(1));
         light.enclosed &= light.points > 0;
         (light.own, light.around) = (light.own / points, light.around / points);
         light
     }
 
-    /// Adds the light at what the camera sees in a cell of the grid.
-    fn light_at(&self, camera: &Camera, cell: UVec2, around: &Environment, light: &mut Lighting) {
+    /// Adds the light at what the camera sees in a cell of the grid; of what emits to `seen`, what it emits and what it reflects.
+    fn light_at(
+        &self,
+        camera: &Camera,
+        cell: UVec2,
+        around: &Environment,
+        light: &mut Lighting,
+        seen: &mut [f64; 2],
+    ) {
         let film = (cell.as_vec2() + 0.5) / GRID as f32;
         let ray = camera.ray(film, camera.aspect.unwrap_or(1.0));
-        let Some(first) = self.opaque(&ray, true) else {
+        let Some(mut first) = self.opaque(&ray, true) else {
             return;
         };
-        if self.lights.emitted(&first, -ray.dir) != Rgb::ZERO {
-            light.emitting += u32::from(self.material(&first).emissive_texture.is_none());
+        let emitted = self.lights.emitted(&first, -ray.dir);
+        let is_lamp = emitted != Rgb::ZERO;
+        if is_lamp && self.material(&first).emissive_texture.is_some() {
             return;
         }
         let source = Independent { seed: Seed(0) };
         let mut sums = [0.0; 2];
+        let mut leaves = false;
         for path in 0..PATHS {
             let mut stream = source.stream(cell, path);
-            light.enclosed &= !self.walk(first, -ray.dir, around, &mut stream, &mut sums);
+            leaves |= self.walk(first, -ray.dir, around, &mut stream, &mut sums);
         }
+        if is_lamp {
+            light.emitting += 1;
+            let albedo = luminance(self.bsdf(&mut first, 0.5).reflectance());
+            seen[0] += f64::from(luminance(emitted));
+            seen[1] += f64::from(albedo) * sums[1] / f64::from(PATHS);
+            return;
+        }
+        light.enclosed &= !leaves;
         light.points += 1;
         light.reached += u32::from(sums[0] > 0.0);
         light.own += sums[0] / f64::from(PATHS);

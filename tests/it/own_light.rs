@@ -137,6 +137,17 @@ fn lamps_light_and_decoration_does_not() {
     };
     let large = |m: Material| with(10.0, m, [mapped(square(1.0, 2.5))]);
     let grey = || materials::diffuse("grey", Rgb::splat(0.5));
+    // All that the camera sees emits.
+    let alone = |emission: f32, albedo: f32| {
+        let mut parts = SceneParts::default();
+        let material = Material {
+            emission: Rgb::splat(emission),
+            ..materials::diffuse("all", Rgb::splat(albedo))
+        };
+        parts.add(material, [shapes::sphere(Vec3::Y, 1.0, 3)]);
+        parts.add_camera([0.0, 1.0, 5.0], [0.0, 1.0, 0.0], 45.0);
+        parts
+    };
     // Name, scene, material with a texture, true if its own lamps light it.
     let cases = [
         (
@@ -182,6 +193,19 @@ fn lamps_light_and_decoration_does_not() {
             "* closed room, textured",
             room(true, 0.9, true),
             Some(1),
+            true,
+        ),
+        (
+            "thing with a tint of emission",
+            alone(0.01, 0.5),
+            None,
+            false,
+        ),
+        ("thing that shines", alone(1.0, 0.5), None, true),
+        (
+            "dim thing that reflects nothing",
+            alone(0.01, 0.0),
+            None,
             true,
         ),
         ("no light", ground(10.0), None, false),
