@@ -26,6 +26,8 @@ pub struct Material {
     pub emission: Rgb,
     /// True if the back side emits too, and is seen by the camera.
     pub double_sided: bool,
+    /// True if the file shows the material as a picture that nothing lights (`KHR_materials_unlit`): its emission is no lamp.
+    pub unlit: bool,
     /// True if the camera sees the back, whether or not it emits.
     pub shows_back: bool,
     /// True for a thin wall whose two faces reflect by Fresnel's equations, by the index of refraction.
@@ -140,6 +142,7 @@ impl Default for Material {
             alpha: 1.0,
             emission: Rgb::ZERO,
             double_sided: false,
+            unlit: false,
             shows_back: false,
             exact_wall: false,
             transmission: 0.0,
@@ -397,15 +400,15 @@ impl Material {
         self.specular != 0.0 && self.ior != 1.0
     }
 
-    /// True for a surface that only emits, from both sides and at most 1, as [`KHR_materials_unlit`](super::load) is shown.
+    /// True for a picture: a material that a file calls unlit, or one that only emits, from both sides and at most 1.
     pub(super) fn is_unlit(&self) -> bool {
-        self.emission != Rgb::ZERO
-            && self.emission.max_element() <= 1.0
-            && self.double_sided
+        let emits = self.emission != Rgb::ZERO && self.emission.max_element() <= 1.0;
+        let only = self.double_sided
             && self.base_color == Rgb::ZERO
             && self.specular == 0.0
             && self.metallic == 0.0
-            && self.translucency().is_none()
+            && self.translucency().is_none();
+        self.unlit || emits && only
     }
 
     /// True for a Lambertian material: a dielectric whose coat reflects nothing.

@@ -325,7 +325,7 @@ impl Reader<'_> {
                 metallic: 0.0,
                 transmission: 0.0,
                 finish: None,
-                double_sided: true,
+                unlit: true,
                 normal_texture: None,
                 ..std::mem::take(out)
             };

@@ -255,7 +255,8 @@ fn load_specular_and_unlit() {
         (m.emission, m.base_color),
         (Rgb::new(0.1, 0.2, 0.3), Rgb::ZERO)
     );
-    assert!(m.is_lambert() && m.double_sided);
+    // Its back is hidden, as that of any material that is not of two sides: outlines by turned hulls are unlit.
+    assert!(m.is_lambert() && m.unlit && !m.double_sided);
 }
 
 /// A square of 2 x 2 texels: red and green above, blue and white below.
