@@ -366,6 +366,78 @@ fn foreign_scenes_are_written_as_gltf() {
     assert!((before / after - 1.0).abs() < 0.1, "{before} {after}");
 }
 
+/// Colours of vertices, sheen, films, unlit materials, and lamps that are hidden or shine into a cone, written as glTF and read again.
+#[test]
+fn foreign_looks_as_gltf_are_the_same_again() {
+    use opsr::math::Vec4;
+    use opsr::scene::Material;
+    use opsr::scene::finish::{FilmCover, SheenCover};
+    use opsr::scene::lamp::{Cone, Lamp};
+    use opsr::scene::procedural::{materials, shapes};
+    use opsr_lab::gallery::{glb, lowered};
+    let mut mesh = shapes::quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+    mesh.colors = (0..4)
+        .map(|i| Vec4::new(0.2 * i as f32, 1.0, 0.0, 1.0))
+        .collect();
+    let mut looks = Material::default();
+    let finish = looks.finish_mut();
+    finish.sheen = Some(SheenCover {
+        color: Rgb::new(0.5, 0.25, 0.125),
+        alpha: 0.25,
+        ..SheenCover::default()
+    });
+    finish.film = Some(FilmCover {
+        weight: 0.5,
+        ior: 1.25,
+        thickness: [100.0, 400.0],
+        ..FilmCover::default()
+    });
+    let cone = Cone {
+        direction: Vec3::NEG_Y,
+        cos_inner: 0.75,
+        cos_outer: 0.5,
+    };
+    let lamp = Lamp {
+        hidden: true,
+        cone: Some(cone),
+    };
+    let mut emitter = materials::emitter("lamp", Rgb::splat(3.0));
+    emitter.finish_mut().lamp = Some(lamp);
+    let unlit = Material {
+        unlit: true,
+        specular: 0.0,
+        ..materials::emitter("label", Rgb::new(0.5, 0.25, 1.0))
+    };
+    let mut parts = opsr::scene::SceneParts::default();
+    parts.add(looks, [mesh.clone()]);
+    parts.add(emitter, [shapes::quad(Vec3::Z, Vec3::X, Vec3::Y)]);
+    parts.add(unlit, [shapes::quad(-Vec3::Z, Vec3::X, Vec3::Y)]);
+    let made = lowered::lowered(parts);
+    assert!(made.lost.is_empty() && made.changed.is_empty());
+    let folder = crate::support::quick_folder();
+    let written = folder.path().join("looks.glb");
+    glb::save(&made.parts, &written).unwrap();
+    let again = load(&written, &opsr_formats::options()).unwrap().parts;
+    assert_eq!(again.meshes[0].colors, mesh.colors);
+    let [looks, emitter, unlit] = &again.materials[..] else {
+        panic!("{} materials", again.materials.len());
+    };
+    let finish = looks.finish.as_ref().expect("a finish");
+    let sheen = finish.sheen.as_ref().expect("a sheen");
+    assert_eq!(
+        (sheen.color, sheen.alpha),
+        (Rgb::new(0.5, 0.25, 0.125), 0.25)
+    );
+    let film = finish.film.as_ref().expect("a film");
+    assert_eq!(
+        (film.weight, film.ior, film.thickness),
+        (0.5, 1.25, [100.0, 400.0])
+    );
+    assert!(finish.has_colors);
+    assert_eq!(emitter.lamp(), Some(&lamp));
+    assert!(unlit.unlit && unlit.emission == Rgb::new(0.5, 0.25, 1.0));
+}
+
 /// A sheet that reflects and transmits by two colours, as glTF's one base does.
 #[test]
 fn foreign_translucent_sheet_as_gltf_transmits_as_much() {

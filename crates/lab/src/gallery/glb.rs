@@ -167,7 +167,9 @@ fn camera(camera: &Camera) -> Value {
 }
 
 fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
-    let [r, g, b] = m.base_color.to_array();
+    // What an unlit material emits is its base colour in a file.
+    let base = if m.unlit { m.emission } else { m.base_color };
+    let [r, g, b] = base.to_array();
     let mut value = json!({
         "name": m.name,
         "pbrMetallicRoughness": {
@@ -189,7 +191,7 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
         value["doubleSided"] = json!(true);
     }
     let mut extensions = Map::new();
-    if m.emission != Rgb::ZERO {
+    if m.emission != Rgb::ZERO && !m.unlit {
         let (factor, strength) = if m.emission.max_element() > 1.0 {
             split(m.emission)
         } else {
@@ -224,8 +226,23 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
     if m.solid {
         extensions.insert("KHR_materials_volume".into(), volume(m.absorption));
     }
+    let mut extras = Map::new();
     if m.priority != 0.0 {
-        value["extras"] = json!({ "priority": number(m.priority) });
+        extras.insert("priority".into(), number(m.priority));
+    }
+    if let Some(lamp) = m.lamp() {
+        let mut body = json!({ "hidden": lamp.hidden });
+        if let Some(cone) = &lamp.cone {
+            body["cone"] = json!({
+                "direction": numbers(cone.direction.to_array()),
+                "cosInner": number(cone.cos_inner),
+                "cosOuter": number(cone.cos_outer),
+            });
+        }
+        extras.insert("lamp".into(), body);
+    }
+    if !extras.is_empty() {
+        value["extras"] = Value::Object(extras);
     }
     if (m.specular, m.specular_color) != (1.0, Rgb::ONE) {
         extensions.insert("KHR_materials_specular".into(), specular(m));
@@ -244,6 +261,26 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
         });
         extensions.insert("KHR_materials_anisotropy".into(), body);
     }
+    if let Some(sheen) = m.finish.as_ref().and_then(|f| f.sheen.as_ref()) {
+        let body = json!({
+            "sheenColorFactor": numbers(sheen.color.to_array()),
+            "sheenRoughnessFactor": number(sheen.alpha.sqrt()),
+        });
+        extensions.insert("KHR_materials_sheen".into(), body);
+    }
+    if let Some(film) = m.finish.as_ref().and_then(|f| f.film.as_ref()) {
+        let [least, most] = film.thickness.map(number);
+        let body = json!({
+            "iridescenceFactor": number(film.weight),
+            "iridescenceIor": number(film.ior),
+            "iridescenceThicknessMinimum": least,
+            "iridescenceThicknessMaximum": most,
+        });
+        extensions.insert("KHR_materials_iridescence".into(), body);
+    }
+    if m.unlit {
+        extensions = Map::from_iter([("KHR_materials_unlit".into(), json!({}))]);
+    }
     used.extend(EXTENSIONS.iter().filter(|e| extensions.contains_key(**e)));
     if !extensions.is_empty() {
         value["extensions"] = Value::Object(extensions);
@@ -252,13 +289,16 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
 }
 
 /// The material extensions that this writer uses.
-const EXTENSIONS: [&str; 9] = [
+const EXTENSIONS: [&str; 12] = [
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
     "KHR_materials_diffuse_transmission",
     "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
+    "KHR_materials_iridescence",
+    "KHR_materials_sheen",
     "KHR_materials_transmission",
+    "KHR_materials_unlit",
     "KHR_materials_ior",
     "KHR_materials_volume",
     "KHR_materials_specular",
@@ -318,6 +358,11 @@ impl Writer {
         if !mesh.uvs.is_empty() {
             let a = self.accessor(bytemuck::cast_slice(&mesh.uvs), 5126, 2, 34962);
             self.attribute(&mut attributes, "TEXCOORD_0", a);
+        }
+        if !mesh.colors.is_empty() {
+            let flat: Vec<[f32; 4]> = mesh.colors.iter().map(|c| c.to_array()).collect();
+            let a = self.accessor(bytemuck::cast_slice(&flat), 5126, 4, 34962);
+            self.attribute(&mut attributes, "COLOR_0", a);
         }
         if !mesh.tangents.is_empty() {
             let flat: Vec<[f32; 4]> = mesh.tangents.iter().map(|t| t.to_array()).collect();

@@ -2,7 +2,7 @@
 
 use opsr::bsdf::fresnel::conductor;
 use opsr::math::Rgb;
-use opsr::scene::finish::{ExactCover, Translucency};
+use opsr::scene::finish::{ExactCover, Finish, Translucency};
 use opsr::scene::light::Falloff;
 use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};
@@ -145,10 +145,29 @@ fn plain(material: &Material, textures: &[Texture]) -> Material {
         out.base_color = base;
         through
     });
-    if coat.is_some() || brushing.is_some() || through.is_some() {
-        let kept = out.finish_mut();
-        (kept.clearcoat, kept.anisotropy, kept.translucency) = (coat, brushing, through);
-    }
+    let sheen = finish.sheen.clone().map(|mut sheen| {
+        sheen.color *= mean(&sheen.color_texture.take());
+        sheen.roughness_texture = None;
+        sheen
+    });
+    let film = finish.film.clone().map(|mut film| {
+        film.weight *= mean(&film.texture.take()).x;
+        let [least, most] = film.thickness;
+        let share = mean(&film.thickness_texture.take()).y;
+        film.thickness = [least, least + share * (most - least)];
+        film
+    });
+    let kept = Finish {
+        clearcoat: coat,
+        anisotropy: brushing,
+        translucency: through,
+        sheen,
+        film,
+        lamp: finish.lamp,
+        has_colors: finish.has_colors,
+        ..Finish::default()
+    };
+    out.finish = Some(Box::new(kept));
     out
 }
 
