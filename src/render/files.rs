@@ -12,6 +12,7 @@ use crate::image::display::{Display, auto_exposure};
 use crate::integrator::Picture;
 use crate::integrator::layers::Aov;
 use crate::resolve::resolve_film;
+use crate::scene::Backdrop;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -74,7 +75,10 @@ impl Spec {
     /// Exposure and view. Automatic exposure never brightens a picture of the built-in studio, which has the right brightness: what
     /// is dark in it stays dark.
     pub fn display(&self, picture: &Buffer, in_studio: bool) -> Display {
-        let most = if in_studio { 0.0 } else { f32::INFINITY };
+        let most = match in_studio || self.backdrop() == Backdrop::Studio {
+            true => 0.0,
+            false => f32::INFINITY,
+        };
         let exposure = match self.exposure.unwrap_or_default() {
             Exposure::Auto => auto_exposure(picture).min(most),
             Exposure::Stops(stops) => stops,

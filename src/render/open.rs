@@ -137,7 +137,7 @@ const MOST_RADIANCE: f32 = 1e30;
 
 impl Spec {
     /// Surroundings of the scene.
-    fn backdrop(&self) -> Backdrop {
+    pub(super) fn backdrop(&self) -> Backdrop {
         let mut sky = Sky::default();
         if let Some(sun) = self.sun {
             let [height, angle] = sun.position;
