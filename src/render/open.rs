@@ -253,6 +253,9 @@ impl Spec {
             }
         };
         warnings.extend_from_slice(scene.warnings());
+        if scene.geometry().is_empty() {
+            warnings.push("the scene has no surface: its light alone is seen".into());
+        }
         if self.env.is_none() && reflects_nothing(&scene) {
             warnings.push(
                 "suns and point lights alone, and nothing around: sharp metal and glass reflect black; --env studio, sky or a map \

@@ -6,7 +6,9 @@ use super::listener::Saved;
 use super::output::{command, note, percent};
 use super::render_args::RenderArgs;
 use opsr::image::film::{Film, Window};
-use opsr::math::Rgb;
+use opsr::integrator::View;
+use opsr::integrator::aov::centre;
+use opsr::math::{Rgb, UVec2};
 use opsr::render::files::Outputs;
 use opsr::render::open::Opened;
 use opsr::render::{Output, Request};
@@ -105,10 +107,13 @@ impl Ended<'_> {
         let shown = &self.saved.finished.shown.picture;
         let black = shown.pixels.iter().all(|p| *p == Rgb::ZERO);
         if black && !self.opened.scene.lights().is_empty() {
-            tracing::warn!(
-                "the picture is black: no path has found light; `opsr info` names an integrator for the scene's lights and \
-                 materials"
-            );
+            let why = match sees_a_surface(&self.request.view()) {
+                true => {
+                    "no path has found light; `opsr info` names an integrator for the scene's lights and materials"
+                }
+                false => "the camera sees no surface; --look places another",
+            };
+            tracing::warn!("the picture is black: {why}");
         }
         let rejected = &self.film().rejected;
         if rejected.total() > 0 {
@@ -176,4 +181,13 @@ pub(super) fn average_error(statement: &Statement) -> String {
         mean if mean.is_finite() => format!(", average error {}", percent(mean)),
         _ => String::new(),
     }
+}
+
+/// True if a surface is seen at some of the pixels, 32 along the longer side.
+fn sees_a_surface(view: &View<'_>) -> bool {
+    let Window { x, y, w, h } = view.window;
+    let step = (w.max(h) / 32).max(1) as usize;
+    let rows = (y..y + h).step_by(step);
+    let mut pixels = rows.flat_map(|y| (x..x + w).step_by(step).map(move |x| UVec2::new(x, y)));
+    pixels.any(|pixel| centre(view, pixel).is_some())
 }

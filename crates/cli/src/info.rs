@@ -21,7 +21,7 @@ use std::path::PathBuf;
 /// Options of `opsr info`.
 #[derive(Args, Debug)]
 pub(super) struct InfoArgs {
-    /// The scene: a glTF 2.0 file (.gltf or .glb).
+    /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt), Mitsuba (.xml), OBJ or PLY.
     scene: PathBuf,
     #[command(flatten)]
     options: SceneOptions,

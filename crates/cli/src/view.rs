@@ -15,7 +15,7 @@ use std::process::{Command, Stdio};
 #[derive(Args, Debug)]
 #[command(after_help = MORE, after_long_help = KEYS)]
 pub(super) struct ViewArgs {
-    /// The scene: a glTF 2.0 file (.gltf or .glb).
+    /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt), Mitsuba (.xml), OBJ or PLY.
     scene: PathBuf,
     #[command(flatten)]
     render: RenderOptions,
