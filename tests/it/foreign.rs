@@ -1,6 +1,7 @@
 //! Scenes of Mitsuba and pbrt: pictures against references by Mitsuba 3 (`tests/bench/scenes_by_mitsuba.py`), conventions,
 //! messages, broken files.
 
+mod legal;
 mod lights;
 mod models;
 mod names;

@@ -6,7 +6,7 @@ use opsr::scene::load::{LoadOptions, Loaded, Unsupported, load};
 use opsr::scene::{Material, PunctualLight, Scene};
 
 /// A scene beside files, with the usual options or others.
-fn with_files(
+pub(super) fn with_files(
     name: &str,
     text: &str,
     files: &[(&str, Vec<u8>)],
@@ -25,11 +25,11 @@ fn with_files(
     load(&path, &options).map_err(|e| e.to_string())
 }
 
-fn usual(name: &str, text: &str) -> Loaded {
+pub(super) fn usual(name: &str, text: &str) -> Loaded {
     with_files(name, text, &[], Unsupported::Nearest).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn xml(inner: &str) -> String {
+pub(super) fn xml(inner: &str) -> String {
     format!("<scene version=\"3.0.0\">\n{inner}\n</scene>")
 }
 
@@ -390,7 +390,7 @@ fn weights_of_mixtures_are_checked() {
 }
 
 /// A PNG of random colours.
-fn png(seed: u32, side: u32) -> Vec<u8> {
+pub(super) fn png(seed: u32, side: u32) -> Vec<u8> {
     let picture = image::RgbImage::from_fn(side, side, |x, y| {
         let hash = |k: u32| {
             ((x * 7 + y * 13 + seed * 29 + k * 31).wrapping_mul(2_654_435_761) >> 24) as u8

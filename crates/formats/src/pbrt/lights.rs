@@ -189,7 +189,11 @@ impl Scene<'_> {
     pub(super) fn expose(&mut self) -> Result<()> {
         let empty = Parameters::default();
         let camera = self.camera.as_ref().map_or(&empty, |(_, camera, _)| camera);
-        let open = camera.number("shutterclose", 1.0)? - camera.number("shutteropen", 0.0)?;
+        // Version 3 exposes by nothing.
+        let open = match self.is_old {
+            true => 1.0,
+            false => camera.number("shutterclose", 1.0)? - camera.number("shutteropen", 0.0)?,
+        };
         let Some(film) = &self.film else {
             return match open == 1.0 {
                 true => Ok(()),
@@ -249,7 +253,11 @@ impl Scene<'_> {
         }
         let projection = match kind.as_str() {
             "perspective" => {
-                let fov = parameters.number("fov", 90.0)?;
+                // Version 3 may give half of it.
+                let fov = match parameters.number("halffov", -1.0)? {
+                    half if half > 0.0 => 2.0 * half,
+                    _ => parameters.number("fov", 90.0)?,
+                };
                 if !(0.0 < fov && fov < 180.0) {
                     return Err(fault(place, format!("fov is {fov}, not between 0 and 180")));
                 }

@@ -38,8 +38,12 @@ impl Scene<'_> {
             material: self.material(&declared.kind, parameters, depth)?,
             bump: None,
         };
-        if parameters.get("displacement").is_some() {
-            let heights = self.paint(parameters, "displacement", Paint::from(0.0))?;
+        // The second is version 3's.
+        for name in ["displacement", "bumpmap"] {
+            if parameters.get(name).is_none() {
+                continue;
+            }
+            let heights = self.paint(parameters, name, Paint::from(0.0))?;
             look.bump = heights.map.map(|_| heights);
         }
         if let Some(name) = parameters.text("normalmap")? {

@@ -73,6 +73,8 @@ struct Scene<'a> {
     film: Option<Parameters>,
     camera: Option<(String, Parameters, DMat4)>,
     in_world: bool,
+    /// True for a file of version 3, by its film.
+    is_old: bool,
 }
 
 /// Reads a scene from the text of its file.
@@ -103,6 +105,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         film: None,
         camera: None,
         in_world: false,
+        is_old: false,
     };
     scene.file(&mut Tokens::new(text, ""), 0)?;
     scene.expose()?;
@@ -365,7 +368,7 @@ impl Scene<'_> {
                 self.light(&name, &parameters)
             }
             "AreaLightSource" => {
-                if name != "diffuse" {
+                if !["diffuse", "area"].contains(&name.as_str()) {
                     return self.context.left_out(place, format!("area light `{name}`"));
                 }
                 let parameters = self.with_defaults("light", parameters);
@@ -382,6 +385,7 @@ impl Scene<'_> {
                 Ok(())
             }
             "Film" => {
+                self.is_old = name == "image";
                 self.film = Some(parameters);
                 Ok(())
             }

@@ -222,7 +222,12 @@ impl Scene<'_> {
                 Wrap::Clamp
             }
         };
-        let srgb = match parameters.text("encoding")?.unwrap_or("sRGB") {
+        // Version 3 has a flag in place of the encoding.
+        let own = match parameters.flag("gamma", true)? {
+            true => "sRGB",
+            false => "linear",
+        };
+        let srgb = match parameters.text("encoding")?.unwrap_or(own) {
             "sRGB" => None,
             "linear" => Some(false),
             other => {

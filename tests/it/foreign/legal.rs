@@ -1,0 +1,81 @@
+//! What is legal in pbrt and Mitsuba, and what they make of it.
+
+use super::nearest::{png, with_files};
+use super::read;
+use opsr::math::Rgb;
+use opsr::scene::Material;
+use opsr::scene::camera::Projection;
+use opsr::scene::load::{Loaded, Unsupported};
+
+/// A scene of pbrt that is read without a word.
+fn silent(text: &str, files: &[(&str, Vec<u8>)]) -> Loaded {
+    let loaded = with_files("a.pbrt", text, files, Unsupported::Error);
+    let loaded = loaded.unwrap_or_else(|e| panic!("{text}: {e}"));
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    loaded
+}
+
+/// The material of the last mesh.
+fn last(loaded: &Loaded) -> &Material {
+    let mesh = loaded.parts.meshes.last().expect("a mesh");
+    &loaded.parts.materials[mesh.material as usize]
+}
+
+/// Parameters of pbrt-v3 `[PBRT3 §10.4, §9.3, §12.2, §6.2]`, and no exposure by its shutter, which has no imaging ratio.
+#[test]
+fn foreign_parameters_of_pbrt_3_are_taken() {
+    let files = [("a.png", png(5, 4))];
+    for (more, srgb) in [
+        ("", true),
+        ("\"bool gamma\" \"true\" \"bool trilinear\" \"true\"", true),
+        (
+            "\"bool gamma\" \"false\" \"string encoding\" \"sRGB\"",
+            true,
+        ),
+        ("\"bool gamma\" \"false\"", false),
+    ] {
+        let text = format!(
+            "WorldBegin\nTexture \"a\" \"color\" \"imagemap\" \"string filename\" \"a.png\" {more}\n\
+             Material \"matte\" \"texture Kd\" \"a\" \"texture bumpmap\" \"a\"\nShape \"disk\""
+        );
+        let loaded = silent(&text, &files);
+        let map = last(&loaded).base_color_texture.expect("a texture");
+        assert_eq!(
+            loaded.parts.textures[map.texture as usize].srgb, srgb,
+            "{more}"
+        );
+        assert!(last(&loaded).normal_texture.is_some());
+    }
+    let text = "Film \"image\" \"integer xresolution\" 8 \"integer yresolution\" 8\n\
+        Camera \"perspective\" \"float halffov\" 30 \"float shutterclose\" 0.25\nWorldBegin\n\
+        AreaLightSource \"area\" \"rgb L\" [ 4 4 4 ] Shape \"disk\"";
+    let old = silent(text, &[]);
+    assert_eq!(last(&old).emission, Rgb::splat(4.0));
+    let Projection::Perspective { tan_half_y } = old.parts.cameras[0].projection else {
+        panic!("a perspective");
+    };
+    assert!((tan_half_y - 30f32.to_radians().tan()).abs() < 1e-6);
+    let new = silent(&text.replace("\"image\"", "\"rgb\""), &[]);
+    assert_eq!(last(&new).emission, Rgb::ONE);
+}
+
+/// Mappings that are not read are named and shown by (u, v), with all of their parameters.
+#[test]
+fn foreign_mappings_of_pbrt_are_named() {
+    let plane = "planar\" \"vector3 v1\" [ 1 0 0 ] \"vector3 v2\" [ 0 1 0 ] \"float udelta\" 0.5 \"float vdelta\" 1";
+    for (name, mapping) in [
+        ("planar", plane),
+        ("spherical", "spherical\""),
+        ("cylindrical", "cylindrical\""),
+    ] {
+        for class in ["checkerboard\"", "imagemap\" \"string filename\" \"a.png\""] {
+            let text = format!(
+                "WorldBegin Texture \"a\" \"spectrum\" \"{class} \"string mapping\" \"{mapping}"
+            );
+            let files = [("a.png", png(5, 4))];
+            let loaded = with_files("a.pbrt", &text, &files, Unsupported::Nearest);
+            let line = format!("line 1: mapping `{name}` is not supported: shown as `uv`");
+            assert_eq!(loaded.expect("a scene").warnings, [line]);
+        }
+    }
+}
