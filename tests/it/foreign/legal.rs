@@ -1,7 +1,7 @@
 //! What is legal in pbrt and Mitsuba, and what they make of it.
 
-use super::nearest::{png, with_files};
-use super::read;
+use super::nearest::{png, usual, with_files};
+use super::{message, read};
 use opsr::math::Rgb;
 use opsr::scene::Material;
 use opsr::scene::camera::Projection;
@@ -57,6 +57,28 @@ fn foreign_parameters_of_pbrt_3_are_taken() {
     assert!((tan_half_y - 30f32.to_radians().tan()).abs() < 1e-6);
     let new = silent(&text.replace("\"image\"", "\"rgb\""), &[]);
     assert_eq!(last(&new).emission, Rgb::ONE);
+}
+
+/// Options of pbrt-v4 are names with a value; those of a type are let pass, and others are errors.
+#[test]
+fn foreign_options_of_pbrt_are_known_by_name() {
+    for option in [
+        "\"disablepixeljitter\" true",
+        "\"Disable-pixel_jitter\" [ false ]",
+        "\"seed\" 5",
+        "\"rendercoordsys\" \"camera\"",
+        "\"bool forcediffuse\" false \"integer seed\" [ 5 ]",
+    ] {
+        silent(&format!("Option {option}\nWorldBegin Shape \"disk\""), &[]);
+    }
+    let told = |option: &str| message("a.pbrt", &format!("\nOption {option}"));
+    assert!(told("\"sead\" 5").contains("line 2: `Option` has no parameter `sead`"));
+    assert!(told("\"seed\"").contains("line 2: `seed` has no value"));
+    let grey = usual("a.pbrt", "Option \"forcediffuse\" true\nWorldBegin");
+    assert_eq!(
+        grey.warnings,
+        ["line 1: `forcediffuse` is not taken: materials are shown"]
+    );
 }
 
 /// Mappings that are not read are named and shown by (u, v), with all of their parameters.

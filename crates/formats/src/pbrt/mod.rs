@@ -278,8 +278,7 @@ impl Scene<'_> {
             return Err(fault(place, format!("`{word}` is no directive of pbrt-v4")));
         }
         if word == "Option" {
-            Parameters::read(tokens, place)?;
-            return Ok(());
+            return self.option(tokens, &place);
         }
         let name = tokens.quoted()?;
         match word {
@@ -310,6 +309,24 @@ impl Scene<'_> {
         }
         let parameters = Parameters::read(tokens, place.clone())?;
         self.declare(word, name, parameters, &place)
+    }
+
+    /// `Option`: names, each with a value. Capitals, `-` and `_` of a name do not count in pbrt; a type before it is let pass.
+    fn option(&mut self, tokens: &mut Tokens, place: &str) -> Result<()> {
+        while let Some(Token::Quoted(_)) = tokens.peek()? {
+            let name = tokens.quoted()?.to_lowercase().replace(['-', '_'], "");
+            let name = name.split_whitespace().last().unwrap_or_default();
+            let value = tokens::values(tokens, place)?;
+            if value == Values::Numbers(Vec::new()) {
+                return Err(fault(place, format!("`{name}` has no value")));
+            }
+            (self.context).check_names(names::NAMES, ("Option", "Option"), [(name, place)])?;
+            if name == "forcediffuse" && value != Values::Flags(vec![false]) {
+                let what = "`forcediffuse` is not taken: materials are shown";
+                self.context.approximate(place, what);
+            }
+        }
+        Ok(())
     }
 
     /// Checks the names of an element's own parameters; those of `Attribute` need not fit.

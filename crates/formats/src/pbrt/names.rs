@@ -62,5 +62,7 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("Film", "rgb gbuffer spectral image",
         "xresolution yresolution cropwindow pixelbounds iso exposuretime sensor whitebalance maxcomponentvalue",
         "filename diagonal savefp16 coordinatesystem lambdamin lambdamax nbuckets buckets", "maxsampleluminance scale"),
+    row("Option", "Option", "forcediffuse", "disablepixeljitter disablewavelengthjitter disabletexturefiltering displacementedgescale \
+        msereferenceimage msereferenceout pixelstats rendercoordsys seed wavefront", ""),
     row("MakeNamedMedium", "homogeneous", "type preset Le sigma_a sigma_s g scale", "Lescale", ""),
 ];

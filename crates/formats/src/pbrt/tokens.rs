@@ -247,7 +247,8 @@ impl Parameters {
     }
 }
 
-fn values(tokens: &mut Tokens, at: &str) -> Result<Values> {
+/// The values that follow: one, or those in brackets.
+pub(super) fn values(tokens: &mut Tokens, at: &str) -> Result<Values> {
     let bad = |what: &str| fault(at, what);
     let mut all = Vec::new();
     if tokens.peek()? == Some(&Token::Open) {
