@@ -1,11 +1,11 @@
 //! What is legal in pbrt and Mitsuba, and what they make of it.
 
-use super::nearest::{png, usual, with_files};
+use super::nearest::{png, usual, with_files, xml};
 use super::{message, read};
 use opsr::math::Rgb;
-use opsr::scene::Material;
 use opsr::scene::camera::Projection;
 use opsr::scene::load::{Loaded, Unsupported};
+use opsr::scene::{Material, Scene};
 
 /// A scene of pbrt that is read without a word.
 fn silent(text: &str, files: &[(&str, Vec<u8>)]) -> Loaded {
@@ -100,4 +100,48 @@ fn foreign_mappings_of_pbrt_are_named() {
             assert_eq!(loaded.expect("a scene").warnings, [line]);
         }
     }
+}
+
+/// What the camera sees of a rectangle of this BSDF, which emits 1 before a sky of 0.5, along many rays: the mean.
+fn lamp(bsdf: &str, files: &[(&str, Vec<u8>)]) -> (f64, Vec<String>) {
+    let text = xml(&format!(
+        "<shape type=\"rectangle\">{bsdf}<emitter type=\"area\"><rgb name=\"radiance\" value=\"1\"/></emitter></shape>\n\
+         <emitter type=\"constant\"><rgb name=\"radiance\" value=\"0.5\"/></emitter>\n\
+         <sensor type=\"perspective\"><float name=\"fov\" value=\"10\"/><transform name=\"to_world\">\
+         <lookat origin=\"0, 0, 5\" target=\"0, 0, 0\" up=\"0, 1, 0\"/></transform></sensor>"
+    ));
+    let loaded = with_files("a.xml", &text, files, Unsupported::Error);
+    let loaded = loaded.unwrap_or_else(|e| panic!("{e}"));
+    let settings = opsr::integrator::Settings::default();
+    let film = super::film_with(&Scene::new(loaded.parts), &settings, 16, 256);
+    (super::mean(&film).0, loaded.warnings)
+}
+
+/// In Mitsuba neither `null` nor a mask takes light from the emitter of its shape.
+#[test]
+fn foreign_lamps_with_holes_emit_all_of_their_light() {
+    let mask = |opacity: &str| {
+        format!(
+            "<bsdf type=\"mask\">{opacity}<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0\"/></bsdf></bsdf>"
+        )
+    };
+    let number = |x: f32| mask(&format!("<float name=\"opacity\" value=\"{x}\"/>"));
+    let said = ["line 2: a lamp without a surface casts shadows of lights without area"];
+    for (bsdf, expected, words) in [
+        ("<bsdf type=\"null\"/>".to_owned(), 1.5, &said[..]),
+        (number(0.0), 1.5, &said[..]),
+        // 0.6 of the sky.
+        (number(0.4), 1.3, &[]),
+        (number(1.0), 1.0, &[]),
+    ] {
+        let (found, warnings) = lamp(&bsdf, &[]);
+        assert!((found - expected).abs() < 0.02, "{bsdf}: {found}");
+        assert_eq!(warnings, words);
+    }
+    let map = "<texture type=\"bitmap\" name=\"opacity\"><string name=\"filename\" value=\"a.png\"/></texture>";
+    let (_, warnings) = lamp(&mask(map), &[("a.png", png(5, 4))]);
+    assert_eq!(
+        warnings,
+        ["line 2: a lamp with a map of its opacity shines where it is opaque alone"]
+    );
 }

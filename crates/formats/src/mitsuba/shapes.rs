@@ -6,8 +6,10 @@ use super::xml::Object;
 use crate::build::looks::{self, Paint};
 use crate::build::{Placed, face_normals_outwards, flip, shapes};
 use glam::{DAffine3, DVec3};
-use opsr::math::{Rgb, Vec3};
+use opsr::math::{Frame, Rgb, Vec3};
+use opsr::scene::Material;
 use opsr::scene::load::error::{Result, fault};
+use opsr::scene::material::AlphaMode;
 use opsr::scene::mesh::Mesh;
 use std::f32::consts::TAU;
 use std::rc::Rc;
@@ -234,6 +236,31 @@ impl Scene<'_> {
         let sides = self.sides(shape)?;
         key += &format!(" between {sides:?}");
         (self.context).bound(&mut look.material, sides, &shape.place)?;
+        self.lit_whole(&mut look.material, &shape.place);
         Ok(self.context.dressed(look, key, mesh, pose))
+    }
+
+    /// Gives a lamp with holes all of its light: `null` and `mask` take none from an emitter in Mitsuba.
+    fn lit_whole(&mut self, material: &mut Material, place: &str) {
+        let holes = ![AlphaMode::Opaque, AlphaMode::Unseen].contains(&material.alpha_mode);
+        if material.emission == Rgb::ZERO || !holes {
+            return;
+        }
+        let map = (material.base_color_texture).map(|map| map.texture as usize);
+        if map.is_some_and(|map| self.context.builder.parts.textures[map].channels == 4) {
+            let what = "a lamp with a map of its opacity shines where it is opaque alone";
+            self.context.approximate(place, what);
+        } else if material.opacity > 1e-3 {
+            material.emission /= material.opacity;
+        } else {
+            // Light goes straight through this wall, which a shadow ray takes for opaque.
+            *material = Material {
+                emission: material.emission,
+                emissive_texture: material.emissive_texture,
+                ..looks::wall(1.0, Paint::from(1.0), Rgb::ONE)
+            };
+            let what = "a lamp without a surface casts shadows of lights without area";
+            self.context.approximate(place, what);
+        }
     }
 }
