@@ -145,3 +145,35 @@ fn foreign_lamps_with_holes_emit_all_of_their_light() {
         ["line 2: a lamp with a map of its opacity shines where it is opaque alone"]
     );
 }
+
+/// Where u is 0 and a quarter on a cylinder along this axis: Mitsuba 3.9's `uv` there is so.
+#[test]
+fn foreign_textures_of_cylinders_begin_where_mitsuba_has_them() {
+    for (axis, zero, quarter) in [
+        ([0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]),
+        (
+            [0.5, 0.7, -0.4],
+            [0.804607, -0.273550, 0.527046],
+            [0.273550, -0.617030, -0.737865],
+        ),
+        (
+            [0.5, 0.7, 0.4],
+            [0.804607, -0.273550, -0.527046],
+            [-0.273550, 0.617030, -0.737865],
+        ),
+    ] {
+        let [x, y, z]: [f32; 3] = axis;
+        let text = xml(&format!(
+            "<shape type=\"cylinder\"><point name=\"p0\" value=\"0, 0, 0\"/><point name=\"p1\" value=\"{x}, {y}, {z}\"/></shape>"
+        ));
+        let mesh = &usual("a.xml", &text).parts.meshes[0];
+        for (u, normal) in [(0.0, zero), (0.25, quarter)] {
+            let mut there = (0..mesh.uvs.len()).filter(|&i| mesh.uvs[i].x == u);
+            assert!(there.clone().count() > 0);
+            assert!(
+                there.all(|i| mesh.normals[i].distance(normal.into()) < 1e-5),
+                "{axis:?} {u}"
+            );
+        }
+    }
+}

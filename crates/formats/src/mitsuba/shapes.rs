@@ -155,9 +155,10 @@ impl Scene<'_> {
                 let axis = (to - from)
                     .try_normalize()
                     .ok_or_else(|| fault(place, "has no length"))?;
-                let turn = glam::DQuat::from_rotation_arc(DVec3::Z, axis);
-                let scale = DVec3::new(radius, radius, length);
-                let own = DAffine3::from_scale_rotation_translation(scale, turn, from);
+                // Mitsuba's frame [Duff17], which decides where the texture begins.
+                let Frame { s, t, .. } = Frame::from_normal(axis.as_vec3());
+                let [s, t] = [s, t].map(|v| radius * v.as_dvec3());
+                let own = DAffine3::from_cols(s, t, length * axis, from);
                 let make = || shapes::cylinder(1.0, [0.0, 1.0], TAU);
                 (self.analytic("cylinder", flipped, make), pose * own)
             }
