@@ -102,6 +102,56 @@ fn foreign_mappings_of_pbrt_are_named() {
     }
 }
 
+/// Reflectance at normal incidence.
+fn reflectance(material: &Material) -> Rgb {
+    use opsr::scene::finish::ExactCover;
+    let exact = material.finish.as_ref().and_then(|f| f.exact.as_ref());
+    let Some(ExactCover::Metal { eta, k }) = exact else {
+        panic!("a metal");
+    };
+    let of = |c: usize| opsr::bsdf::fresnel::conductor(1.0, eta[c], k[c]);
+    Rgb::new(of(0), of(1), of(2))
+}
+
+/// A metal by its reflectance has the index that pbrt makes of it, under a layer too; one without data is bright.
+#[test]
+fn foreign_metals_of_pbrt_reflect_what_they_say() {
+    let metal = |line: &str| {
+        usual(
+            "a.pbrt",
+            &format!("WorldBegin\nMaterial {line}\nShape \"disk\""),
+        )
+    };
+    let bare = metal("\"conductor\" \"rgb reflectance\" [ 0.5 0.2 0.9 ]");
+    assert!(reflectance(last(&bare)).distance(Rgb::new(0.5, 0.2, 0.9)) < 1e-4);
+    // k = 2 √0.5 / √0.5, and both over the layer's 1.5.
+    let under = reflectance(last(&metal(
+        "\"coatedconductor\" \"rgb reflectance\" [ 0.5 0.5 0.5 ]",
+    )));
+    let same = "\"coatedconductor\" \"float conductor.eta\" 1 \"float conductor.k\" 2";
+    assert!(under.distance(reflectance(last(&metal(same)))) < 1e-5);
+    // ((1 − η)² + k²) / ((1 + η)² + k²)
+    let (below, above) = ((1f32 / 3.0).powi(2), (5f32 / 3.0).powi(2));
+    let expected = (below + 16.0 / 9.0) / (above + 16.0 / 9.0);
+    assert!((under.x - expected).abs() < 1e-5, "{under} {expected}");
+    for (name, other) in [("CuZn", "Cu"), ("Xx", "Al")] {
+        let of = |name: &str| {
+            metal(&format!(
+                "\"conductor\" \"spectrum eta\" \"metal-{name}-eta\" \"spectrum k\" \"metal-{name}-k\""
+            ))
+        };
+        let loaded = of(name);
+        assert_eq!(reflectance(last(&loaded)), reflectance(last(&of(other))));
+        let said =
+            format!("spectrum `metal-{name}-k` is not supported: shown as `metal-{other}-k`");
+        assert!(
+            loaded.warnings.iter().any(|w| w.contains(&said)),
+            "{:?}",
+            loaded.warnings
+        );
+    }
+}
+
 /// What the camera sees of a rectangle of this BSDF, which emits 1 before a sky of 0.5, along many rays: the mean.
 fn lamp(bsdf: &str, files: &[(&str, Vec<u8>)]) -> (f64, Vec<String>) {
     let text = xml(&format!(

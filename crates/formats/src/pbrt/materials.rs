@@ -176,22 +176,24 @@ impl Scene<'_> {
 
     fn conductor(&mut self, parameters: &Parameters, prefix: &str) -> Result<Material> {
         let of = |name: &str| format!("{prefix}{name}");
-        let mut material = if parameters.get("reflectance").is_some() {
+        let outside = match prefix.is_empty() {
+            true => 1.0,
+            false => self.eta(parameters, "interface.eta", 1.5)?,
+        };
+        let (eta, k) = if parameters.get("reflectance").is_some() {
             // k of this reflectance with an index of 1, as pbrt makes it.
             let r = self.colour(parameters, "reflectance", Rgb::ONE, Meant::Reflected)?;
             let r = r.clamp(Rgb::ZERO, Rgb::splat(0.9999));
             let k = 2.0 * r.map(f32::sqrt) / (Rgb::ONE - r).map(f32::sqrt);
-            looks::metal(Rgb::ONE, k, Paint::from(1.0), 0.0)
+            (Rgb::ONE, k)
         } else {
             let (eta, k) = metals::metal("Cu").unwrap_or((Rgb::ONE, Rgb::ONE));
             let eta = self.colour(parameters, &of("eta"), eta, Meant::Reflected)?;
             let k = self.colour(parameters, &of("k"), k, Meant::Reflected)?;
-            let outside = match prefix.is_empty() {
-                true => 1.0,
-                false => self.eta(parameters, "interface.eta", 1.5)?,
-            };
-            looks::metal(eta / outside, k / outside, Paint::from(1.0), 0.0)
+            (eta, k)
         };
+        // In both cases over the index of the layer above, as in pbrt.
+        let mut material = looks::metal(eta / outside, k / outside, Paint::from(1.0), 0.0);
         self.rough(parameters, prefix, 0.0, &mut material, remapped)?;
         Ok(material)
     }

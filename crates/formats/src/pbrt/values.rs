@@ -75,10 +75,17 @@ impl Scene<'_> {
         if let Some(eta) = metals::glass(name) {
             return Ok(Rgb::splat(eta));
         }
-        if let Some((metal, part)) = name.rsplit_once('-')
-            && let Some((eta, k)) = metals::metal(metal)
-        {
-            return Ok(if part == "k" { k } else { eta });
+        if let Some((metal, part @ ("eta" | "k"))) = name.rsplit_once('-') {
+            // Without its data the nearest colour of metal: copper for brass, or one that is bright and neutral.
+            let found = metals::metal(metal);
+            let other = ["metal-Al", "metal-Cu"][usize::from(metal == "metal-CuZn")];
+            if found.is_none() {
+                let shown = format!("`{other}-{part}`");
+                (self.context).nearest(place, format!("spectrum `{name}`"), &shown)?;
+            }
+            if let Some((eta, k)) = found.or_else(|| metals::metal(other)) {
+                return Ok(if part == "k" { k } else { eta });
+            }
         }
         if name.starts_with("stdillum-D65") {
             return Ok(Rgb::ONE);
@@ -88,7 +95,7 @@ impl Scene<'_> {
             return Ok(Self::of_spectrum(&spectrum, meant));
         }
         self.context
-            .nearest(place, format!("spectrum `{name}`"), "white")?;
+            .nearest(place, format!("spectrum `{name}`"), "1 at all wavelengths")?;
         Ok(Rgb::ONE)
     }
 
