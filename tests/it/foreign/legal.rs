@@ -227,3 +227,20 @@ fn foreign_textures_of_cylinders_begin_where_mitsuba_has_them() {
         }
     }
 }
+
+/// A sensor of another scale along x than along y is named.
+#[test]
+fn foreign_sensors_of_two_scales_are_named() {
+    let sensor = |x: f32| {
+        let sensor = format!(
+            "<sensor type=\"orthographic\"><transform name=\"to_world\"><scale x=\"{x}\" y=\"2\"/></transform>\
+             <film type=\"hdrfilm\"><integer name=\"width\" value=\"8\"/><integer name=\"height\" value=\"8\"/></film></sensor>"
+        );
+        usual("a.xml", &xml(&sensor)).warnings
+    };
+    assert!(sensor(2.001).is_empty());
+    assert_eq!(
+        sensor(3.0),
+        ["line 2: pixels that are not square is not supported: shown as square ones"]
+    );
+}

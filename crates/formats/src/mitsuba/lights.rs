@@ -178,7 +178,12 @@ impl Scene<'_> {
                 (Projection::Perspective { tan_half_y }, lens)
             }
             "orthographic" => {
-                let half_height = pose.matrix3.y_axis.length() as f32 / aspect;
+                let [x, y] = [pose.matrix3.x_axis, pose.matrix3.y_axis].map(DVec3::length);
+                if (x / y - 1.0).abs() > 1e-3 {
+                    let what = "pixels that are not square";
+                    self.context.nearest(place, what, "square ones")?;
+                }
+                let half_height = y as f32 / aspect;
                 (Projection::Orthographic { half_height }, None)
             }
             other => {
