@@ -244,3 +244,38 @@ fn foreign_sensors_of_two_scales_are_named() {
         ["line 2: pixels that are not square is not supported: shown as square ones"]
     );
 }
+
+/// A medium by constant volumes is one by their values.
+#[test]
+fn foreign_constant_volumes_are_values() {
+    let volume = |name: &str, value: &str| {
+        format!("<volume type=\"constvolume\" name=\"{name}\">{value}</volume>")
+    };
+    let fog = |inner: String| {
+        let text = xml(&format!(
+            "<shape type=\"sphere\"><bsdf type=\"null\"/><medium name=\"interior\" type=\"homogeneous\">{inner}</medium></shape>"
+        ));
+        let parts = read("a.xml", &text, false)
+            .unwrap_or_else(|e| panic!("{e}"))
+            .parts;
+        let medium = parts.materials[0].medium.as_deref().expect("a medium");
+        (medium.absorption, medium.scattering)
+    };
+    let four = "<float name=\"value\" value=\"4\"/>";
+    let by_albedo =
+        fog(volume("sigma_t", four)
+            + &volume("albedo", "<rgb name=\"value\" value=\"0.5, 0.25, 1\"/>"));
+    assert_eq!(
+        by_albedo,
+        (Rgb::new(2.0, 3.0, 0.0), Rgb::new(2.0, 1.0, 4.0))
+    );
+    assert_eq!(fog(volume("sigma_s", four)), (Rgb::ZERO, Rgb::splat(4.0)));
+    let grid = xml(
+        "<medium type=\"homogeneous\" id=\"m\"><volume type=\"gridvolume\" name=\"albedo\"/></medium>\n\
+        <shape type=\"sphere\"><ref id=\"m\" name=\"interior\"/></shape>",
+    );
+    assert!(
+        message("a.xml", &grid)
+            .contains("line 2: a volume as `albedo` of a medium is not supported")
+    );
+}

@@ -47,7 +47,8 @@ impl Scene<'_> {
             self.context
                 .left_out(place, "a named material of a medium")?;
         }
-        if let Some((name, _)) = self.children(object, &["volume", "texture"])?.first() {
+        let volumes = self.children(object, &["volume", "texture"])?;
+        if let Some((name, _)) = volumes.iter().find(|(_, v)| v.plugin != "constvolume") {
             let what = format!("a volume as `{name}` of a medium");
             self.context.left_out(place, what)?;
             return Ok(None);
@@ -58,7 +59,7 @@ impl Scene<'_> {
         let [mut absorption, mut scattering] =
             [colour(self, "sigma_a", 0.0)?, colour(self, "sigma_s", 0.0)?];
         let parts = ["sigma_a", "sigma_s"];
-        if !parts.iter().any(|name| object.property(name).is_some()) {
+        if !(self.has(object, parts[0])? || self.has(object, parts[1])?) {
             let extinction = colour(self, "sigma_t", 1.0)?;
             let albedo = colour(self, "albedo", 0.75)?.min(Rgb::ONE);
             (absorption, scattering) = (extinction * (Rgb::ONE - albedo), extinction * albedo);

@@ -67,8 +67,8 @@ impl Scene<'_> {
             "shape" => self.shape(&object),
             "emitter" | "luminaire" => self.emitter(&object),
             "integrator" => self.integrator(&object),
-            // A medium counts where it is used.
-            "volume" | "subsurface" => self.context.left_out(
+            // Media and volumes count where they are used.
+            "subsurface" => self.context.left_out(
                 &object.place,
                 format!("<{} type=\"{}\">", object.tag, object.plugin),
             ),

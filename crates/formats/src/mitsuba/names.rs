@@ -71,6 +71,7 @@ pub(in super::super) const NAMES: &[Names] = &[
         "file_format pixel_format component_format compensate sample_border high_quality_edges banner attach_log fov",
         "exposure gamma tonemap_method key burn"),
     row("medium", "homogeneous", "sigma_a sigma_s sigma_t albedo scale material", "sample_emitters has_spectral_extinction", ""),
+    row("volume", "constvolume", "value", "", ""),
     row("phase", "hg", "g", "", ""),
     row("phase", "isotropic rayleigh", "", "", ""),
 ];

@@ -136,7 +136,7 @@ impl Scene<'_> {
 
     /// True if an object has a property or a texture of this name.
     pub(super) fn has(&self, object: &Object, name: &str) -> Result<bool> {
-        let textures = self.children(object, &["texture", "spectrum"])?;
+        let textures = self.children(object, &["texture", "spectrum", "volume"])?;
         Ok(object.property(name).is_some() || textures.iter().any(|(n, _)| n == name))
     }
 
@@ -175,7 +175,7 @@ impl Scene<'_> {
                 let colour = self.colour_of(&property.value, meant, &property.place)?;
                 return Ok(Paint::plain(colour));
             }
-            let all = self.children(object, &["texture", "spectrum"])?;
+            let all = self.children(object, &["texture", "spectrum", "volume"])?;
             if let Some((_, texture)) = all.iter().find(|(n, _)| n == name) {
                 let texture = texture.clone();
                 return self.within(&texture.clone(), |scene| scene.texture(&texture, meant));
@@ -222,7 +222,7 @@ impl Scene<'_> {
                 Ok(Paint::from(texture.number("scale", 1.0)? as f32))
             }
             "uniform" => Ok(Paint::from(texture.number("value", 1.0)? as f32)),
-            "srgb" | "rgb" => Ok(Paint::plain(self.colour(
+            "srgb" | "rgb" | "constvolume" => Ok(Paint::plain(self.colour(
                 texture,
                 &["color", "value"],
                 Rgb::ONE,
