@@ -236,7 +236,10 @@ fn foreign_broken_files_are_named_with_their_line() {
         ("AttributeEnd", "line 1: an end without its begin"),
         ("\n\nWrong", "line 3: `Wrong` is no directive"),
         ("Include \"a.pbrt\"", "includes itself"),
-        ("NamedMaterial \"a\"", "line 1: no material `a`"),
+        (
+            "NamedMaterial \"a\" Shape \"disk\"",
+            "line 1: no material `a`",
+        ),
         ("Translate 1 2", "line 1: 3 numbers should follow"),
         (
             "Scale 1e300 1 1 Scale 1e300 1 1",

@@ -2,7 +2,7 @@
 
 use super::nearest::{png, usual, with_files, xml};
 use super::{message, read};
-use opsr::math::Rgb;
+use opsr::math::{Rgb, Vec3};
 use opsr::scene::camera::Projection;
 use opsr::scene::load::{Loaded, Unsupported};
 use opsr::scene::{Material, Scene};
@@ -99,6 +99,45 @@ fn foreign_mappings_of_pbrt_are_named() {
             let line = format!("line 1: mapping `{name}` is not supported: shown as `uv`");
             assert_eq!(loaded.expect("a scene").warnings, [line]);
         }
+    }
+}
+
+/// Materials and objects may be declared after their use; one that never is, is an error where it is used.
+#[test]
+fn foreign_names_of_pbrt_may_be_declared_later() {
+    let text = "WorldBegin\nAttributeBegin Translate 0 0 2 NamedMaterial \"red\" Shape \"disk\" AttributeEnd\n\
+        AttributeBegin Translate 0 3 0 ObjectInstance \"ball\" AttributeEnd\nShape \"disk\"\n\
+        MakeNamedMaterial \"red\" \"string type\" \"diffuse\" \"rgb reflectance\" [ 1 0 0 ]\n\
+        ObjectBegin \"ball\" NamedMaterial \"red\" Shape \"sphere\" \"float radius\" 0.5 ObjectEnd";
+    let parts = silent(text, &[]).parts;
+    let expected = [
+        (Vec3::ZERO, Rgb::splat(0.5)),
+        (2.0 * Vec3::Z, Rgb::X),
+        (3.0 * Vec3::Y, Rgb::X),
+    ];
+    assert_eq!(parts.meshes.len(), expected.len());
+    for (mesh, (centre, colour)) in parts.meshes.iter().zip(expected) {
+        let mean = mesh.positions.iter().sum::<Vec3>() / mesh.positions.len() as f32;
+        assert!(mean.distance(centre) < 0.01, "{mean}");
+        let material = &parts.materials[mesh.material as usize];
+        assert_eq!(material.base_color, colour);
+    }
+    for (text, line) in [
+        (
+            text.replace("MakeNamedMaterial \"red\"", "MakeNamedMaterial \"blue\""),
+            "line 6: no material `red`",
+        ),
+        (
+            text.replace("ObjectBegin \"ball\"", "ObjectBegin \"cube\""),
+            "line 3: no object `ball`",
+        ),
+        (
+            "\nNamedMaterial \"red\"\nShape \"disk\"".into(),
+            "line 2: no material `red`",
+        ),
+    ] {
+        let said = message("a.pbrt", &text);
+        assert!(said.contains(line), "{said}");
     }
 }
 

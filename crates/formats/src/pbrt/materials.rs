@@ -269,8 +269,7 @@ impl Scene<'_> {
         };
         let mut looks = Vec::new();
         for name in &names {
-            let known = self.materials.get(name).cloned();
-            let known = known.ok_or_else(|| fault(place, format!("no material `{name}`")))?;
+            let known = self.named_material(name, place)?;
             looks.push(self.look(&known, depth + 1)?.material);
         }
         let amount = match older {

@@ -33,6 +33,8 @@ const DECLARATIONS: [&str; 17] = [
 struct State {
     pose: DMat4,
     material: Option<Rc<Declared>>,
+    /// Name of a material that was not declared, and where it stands.
+    awaited: Option<(String, String)>,
     /// Kind and parameters of the area light.
     area_light: Option<Rc<Parameters>>,
     reversed: bool,
@@ -69,6 +71,9 @@ struct Scene<'a> {
     /// Declarations and lights that looks are known by: their addresses must stay theirs.
     kept: Vec<Rc<Declared>>,
     lights_kept: Vec<Rc<Parameters>>,
+    /// Shapes of materials, and instances, that were named before they were declared.
+    later: Vec<(State, String, Parameters)>,
+    instances: Vec<(DMat4, String, String)>,
     /// Film's parameters, and those of the camera with its pose.
     film: Option<Parameters>,
     camera: Option<(String, Parameters, DMat4)>,
@@ -84,6 +89,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         state: State {
             pose: DMat4::IDENTITY,
             material: None,
+            awaited: None,
             area_light: None,
             reversed: false,
             at_end: false,
@@ -102,12 +108,15 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         looks: HashMap::new(),
         kept: Vec::new(),
         lights_kept: Vec::new(),
+        later: Vec::new(),
+        instances: Vec::new(),
         film: None,
         camera: None,
         in_world: false,
         is_old: false,
     };
     scene.file(&mut Tokens::new(text, ""), 0)?;
+    scene.rest()?;
     scene.expose()?;
     scene.add_camera()
 }
@@ -118,6 +127,27 @@ fn matrix(n: [f64; 16]) -> DMat4 {
 }
 
 impl Scene<'_> {
+    /// What was named before it was declared.
+    fn rest(&mut self) -> Result<()> {
+        for (state, kind, parameters) in std::mem::take(&mut self.later) {
+            if let Some((name, place)) = &state.awaited {
+                self.named_material(name, place)?;
+            }
+            self.state = state;
+            self.shape(&kind, &parameters)?;
+        }
+        for (pose, name, place) in std::mem::take(&mut self.instances) {
+            self.state.pose = pose;
+            self.instance(&name, &place)?;
+        }
+        Ok(())
+    }
+
+    fn named_material(&self, name: &str, place: &str) -> Result<Rc<Declared>> {
+        let known = self.materials.get(name).cloned();
+        known.ok_or_else(|| fault(place, format!("no material `{name}`")))
+    }
+
     fn file(&mut self, tokens: &mut Tokens, depth: usize) -> Result<()> {
         loop {
             tokens.peek()?;
@@ -170,6 +200,10 @@ impl Scene<'_> {
             }
             "ObjectInstance" => {
                 let name = tokens.quoted()?;
+                if self.object.is_none() && !self.objects.contains_key(&name) {
+                    self.instances.push((self.state.pose, name, place));
+                    return Ok(());
+                }
                 self.instance(&name, &place)
             }
             "WorldBegin" => {
@@ -283,9 +317,9 @@ impl Scene<'_> {
         let name = tokens.quoted()?;
         match word {
             "NamedMaterial" => {
-                let known = self.materials.get(&name).cloned();
-                self.state.material =
-                    Some(known.ok_or_else(|| fault(place, format!("no material `{name}`")))?);
+                self.state.material = self.materials.get(&name).cloned();
+                let is_known = self.state.material.is_some();
+                self.state.awaited = (!is_known).then_some((name, place));
                 return Ok(());
             }
             "Texture" => {
@@ -370,6 +404,7 @@ impl Scene<'_> {
                     kind: name,
                     parameters,
                 };
+                self.state.awaited = None;
                 self.state.material = Some(Rc::new(declared));
                 Ok(())
             }

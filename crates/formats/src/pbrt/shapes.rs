@@ -16,6 +16,17 @@ use std::rc::Rc;
 impl Scene<'_> {
     pub(super) fn shape(&mut self, kind: &str, parameters: &Parameters) -> Result<()> {
         let place = &parameters.place;
+        if let Some((name, at)) = self.state.awaited.clone() {
+            match self.named_material(&name, &at) {
+                Ok(known) => (self.state.material, self.state.awaited) = (Some(known), None),
+                Err(unknown) if self.object.is_some() => return Err(unknown),
+                Err(_) => {
+                    let later = (self.state.clone(), kind.to_owned(), parameters.clone());
+                    self.later.push(later);
+                    return Ok(());
+                }
+            }
+        }
         let pose = self.pose(place)?;
         let reversed = self.state.reversed;
         let Some(mesh) = self.mesh(kind, parameters, reversed)? else {
