@@ -20,10 +20,11 @@ pub(super) type Key = (String, Option<bool>, [Wrap; 2], bool, bool);
 pub(super) type Known = (u32, f32);
 
 /// Formats that are read. Those without marks of their own go by their names.
-const FORMATS: [ImageFormat; 4] = [
+const FORMATS: [ImageFormat; 5] = [
     ImageFormat::Png,
     ImageFormat::Jpeg,
     ImageFormat::WebP,
+    ImageFormat::Tga,
     ImageFormat::Hdr,
 ];
 

@@ -173,10 +173,12 @@ impl<'a> Source<'a> {
         )
     }
 
-    /// The bytes of an image in one of these formats; the bytes decide which.
+    /// The bytes of an image in one of these formats; the bytes decide which. TGA has no mark of its own: there the name does.
     pub fn new(at: String, bytes: Cow<'a, [u8]>, formats: &[ImageFormat]) -> Result<Self> {
-        match image::guess_format(&bytes) {
-            Ok(plain) if formats.contains(&plain) => Ok(Self {
+        let named = at.to_ascii_lowercase().ends_with(".tga");
+        let named = named.then_some(ImageFormat::Tga);
+        match image::guess_format(&bytes).ok().or(named) {
+            Some(plain) if formats.contains(&plain) => Ok(Self {
                 at,
                 bytes,
                 format: Format::Plain(plain),

@@ -318,3 +318,28 @@ fn foreign_constant_volumes_are_values() {
             .contains("line 2: a volume as `albedo` of a medium is not supported")
     );
 }
+
+/// TGA images are known by their names; one that says more than it holds is an error.
+#[test]
+fn foreign_tga_images_are_read() {
+    // 2 × 1 texels of 24 bits from the top left, blue first.
+    let tga = |width: u8, texels: &[u8]| {
+        let mut bytes = vec![0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, width, 0, 1, 0, 24, 0x20];
+        bytes.extend(texels);
+        bytes
+    };
+    let read = |bytes: Vec<u8>| {
+        let text =
+            "WorldBegin\nTexture \"a\" \"spectrum\" \"imagemap\" \"string filename\" \"a.TGA\"";
+        with_files("a.pbrt", text, &[("a.TGA", bytes)], Unsupported::Error)
+    };
+    let loaded = read(tga(2, &[0, 0, 255, 255, 0, 0])).unwrap_or_else(|e| panic!("{e}"));
+    let texture = &loaded.parts.textures[0];
+    assert_eq!(texture.texel(0, 0)[..3], [1.0, 0.0, 0.0]);
+    assert_eq!(texture.texel(1, 0)[..3], [0.0, 0.0, 1.0]);
+    let short = read(tga(200, &[0; 6])).expect_err("an error");
+    assert!(
+        short.contains("line 2: a.TGA: cannot be decoded"),
+        "{short}"
+    );
+}
