@@ -391,7 +391,19 @@ impl ThinDielectric {
     /// Share of light that a smooth wall lets straight through at this cosine.
     #[inline]
     pub(crate) fn straight(&self, cos: f32) -> Rgb {
-        (Rgb::ONE - self.fresnel(cos.abs().min(1.0))) * self.tint
+        self.rest(cos.abs().min(1.0)) * self.tint
+    }
+
+    /// Light at this cosine that is not reflected. What the tint of a wall by Fresnel's equations takes from its reflection is absorbed.
+    #[inline]
+    fn rest(&self, cos: f32) -> Rgb {
+        match self.eta {
+            0.0 => Rgb::ONE - self.fresnel(cos),
+            eta => {
+                let face = dielectric(cos, eta);
+                Rgb::splat(1.0 - 2.0 * face / (1.0 + face))
+            }
+        }
     }
 
     /// Reflectance at this cosine in [0, 1]. With the reflectance r of a face both faces have r + (1 − r)² r + … =
@@ -419,7 +431,7 @@ impl ThinDielectric {
         let f = self.fresnel(cos_h);
         let p = luminance(f);
         query.scale *= if through {
-            (Rgb::ONE - f) * self.tint
+            self.rest(cos_h) * self.tint
         } else {
             f
         };

@@ -343,3 +343,23 @@ fn foreign_tga_images_are_read() {
         "{short}"
     );
 }
+
+/// The tint of a pane's reflection takes light from what is reflected alone.
+#[test]
+fn foreign_tints_of_a_panes_reflection_add_no_light_behind_it() {
+    let text = xml("<emitter type=\"constant\"/>\n\
+        <sensor type=\"perspective\"><float name=\"fov\" value=\"2\"/><transform name=\"to_world\">\
+        <lookat origin=\"0,0,3\" target=\"0,0,0\" up=\"0,1,0\"/></transform></sensor>\n\
+        <shape type=\"rectangle\"><bsdf type=\"thindielectric\"><float name=\"int_ior\" value=\"1.5\"/>\
+        <float name=\"ext_ior\" value=\"1\"/><rgb name=\"specular_reflectance\" value=\"0.1, 0.5, 1\"/></bsdf></shape>");
+    let scene = Scene::new(read("a.xml", &text, false).expect("a scene").parts);
+    let render = opsr::Render::new(&scene).size(2, 2).spp(4096).raw();
+    let picture = render.run().expect("a picture").shown.picture;
+    let found = picture.pixels.iter().copied().sum::<Rgb>() / 4.0;
+    // Both faces of 4 % reflect 1/13.
+    let expected = Rgb::ONE - Rgb::new(0.9, 0.5, 0.0) / 13.0;
+    assert!(
+        (found - expected).abs().max_element() < 2e-3,
+        "{found} {expected}"
+    );
+}
