@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Ten scenes of kinds that nothing was learned or tuned on, as pbrt files, and suites of every method on them.
 
-    python3 suites/unseen.py scenes unseen                        # ten files and two suites below the folder unseen
+    python3 suites/unseen.py scenes unseen                        # ten files and three suites below the folder unseen
     python3 suites/unseen.py references unseen [OPSR] [SAMPLES]   # references of raw vcm (128) and the error they have left
     opsr bench unseen/small.toml -o small.json                    # 64x48 pixels; frames.toml has 256x192
+    opsr bench unseen/denoised.toml -o denoised.json              # beside Open Image Denoise, which OIDN_DIR names
     python3 suites/auto.py small.json
 
 Lengths are metres, radiances W/(m² sr). Every mesh is turned or boxed here; nothing is random but the leaves, whose generator is seeded.
@@ -261,16 +262,35 @@ def greenhouse():
 
 SCENES = [sunglasses, hall, coffee_maker, desk_lamp, window, chandelier, bathroom, aquarium, car, greenhouse]
 # Size, CPU seconds and seeds.
-SUITES = {"small": ((64, 48), [0.5, 2.0], 2), "frames": ((256, 192), [6.0], 1)}
+SUITES = {"small": ((64, 48), [0.5, 2.0], 2), "frames": ((256, 192), [6.0], 1), "denoised": ((64, 48), [0.5, 2.0], 2)}
+# Of the last one: what every renderer has, and no option with and without a denoiser.
+DENOISED = """[[method]]
+name = "plain, denoised"
+denoise = true
+
+[[method]]
+name = "auto"
+integrator = "auto"
+resolve = "default"
+
+[[method]]
+name = "auto, denoised"
+integrator = "auto"
+resolve = "default"
+denoise = true
+"""
 
 
-def suite(size, times, seeds):
-    """The methods are those of auto.toml."""
+def suite(name, size, times, seeds):
+    """The methods are those of auto.toml, or of the denoiser."""
     here = os.path.dirname(os.path.abspath(__file__))
     with open(os.path.join(here, "auto.toml")) as file:
         methods = file.read()
     methods = methods[methods.index("[[method]]") :].replace('"../', f'"{os.path.dirname(here)}/')
-    text = f'baseline = "path"\nseeds = {seeds}\ntimes = {json.dumps(times)}\nclock = "cpu"\n'
+    baseline = "path"
+    if name == "denoised":
+        methods, baseline = DENOISED, "plain, denoised"
+    text = f'baseline = "{baseline}"\nseeds = {seeds}\ntimes = {json.dumps(times)}\nclock = "cpu"\n'
     for make in SCENES:
         name = make.__name__
         text += f'\n[[scene]]\nname = "{name}"\nfile = "{name}.pbrt"\nsize = {list(size)}\nmax_vertices = 14\n'
@@ -285,11 +305,11 @@ def write(folder):
             file.write(make())
     for name, (size, times, seeds) in SUITES.items():
         with open(os.path.join(folder, name + ".toml"), "w") as file:
-            file.write(suite(size, times, seeds))
+            file.write(suite(name, size, times, seeds))
 
 
 def references(folder, program, samples):
-    for size, _, _ in SUITES.values():
+    for size in dict.fromkeys(size for size, _, _ in SUITES.values()):
         for make in SCENES:
             name = make.__name__
             out = os.path.join(folder, f"{name}-{size[0]}.exr")
