@@ -83,7 +83,7 @@ impl Shown {
     }
 
     /// Expected relative error of every pixel, with the light that a witness found missing. `None` where there are too few
-    /// samples to tell. A denoised picture of one level states the error before it was denoised.
+    /// samples to tell. Denoised means of samples state the error before they were denoised.
     pub fn errors(&self, film: &Film, missing: Option<&Missing>) -> Option<Vec<f32>> {
         let own = match &self.resolved {
             Some(resolved) => resolved.is_known().then(|| resolved.error()),
@@ -96,7 +96,7 @@ impl Shown {
     }
 
     /// Stated error of the picture, with the light that a witness found missing; its mean is that of
-    /// [`errors`](Self::errors). A denoised picture of one level states the error before it was denoised.
+    /// [`errors`](Self::errors). Denoised means of samples state the error before they were denoised.
     pub fn statement(&self, film: &Film, missing: Option<&Missing>) -> Statement {
         let own = match &self.resolved {
             Some(resolved) => resolved.statement(),
