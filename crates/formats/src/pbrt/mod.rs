@@ -127,7 +127,7 @@ fn matrix(n: [f64; 16]) -> DMat4 {
 }
 
 impl Scene<'_> {
-    /// What was named before it was declared.
+    /// Shapes and instances of names that come later.
     fn rest(&mut self) -> Result<()> {
         for (state, kind, parameters) in std::mem::take(&mut self.later) {
             if let Some((name, place)) = &state.awaited {
