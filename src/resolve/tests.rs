@@ -934,7 +934,13 @@ fn share_of_a_filter_is_that_of_the_least_error() {
 /// A filter that knows the truth helps where there is noise; of one that is wrong, and of one that takes light, little is believed.
 #[test]
 fn a_filter_is_believed_as_far_as_it_is_right() {
-    let off = |x: usize, y: usize| Rgb::splat(if (x / 6 + y / 6) % 2 == 0 { 0.3 } else { 1.8 });
+    let off = |x: usize, y: usize| {
+        Rgb::splat(if (x / 6 + y / 6).is_multiple_of(2) {
+            0.3
+        } else {
+            1.8
+        })
+    };
     let wrong = Buffer::from_fn(48, 48, off);
     for spread in [0.4, 0.02] {
         let (film, truth) = ramp([spread; 3], [1.0; 3]);
