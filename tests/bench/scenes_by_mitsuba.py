@@ -76,7 +76,7 @@ def main():
         maps()
     out = FOLDER / "references.json"
     found = json.loads(out.read_text()) if out.exists() else {}
-    names = ["room", "glass", "lamps", "old", "mapped", "pool", "media"]
+    names = ["room", "glass", "lamps", "old", "mapped", "pool", "media", "water", "steps", "cloud"]
     for path in args.scenes or [FOLDER / f"{name}.xml" for name in names]:
         scene = mi.load_file(str(path))
         rounds, mean = [], 0

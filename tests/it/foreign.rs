@@ -104,11 +104,11 @@ fn scores(file: &str, reference: &Reference, options: &LoadOptions, spp: u32) ->
     ((sum / count).sqrt(), most)
 }
 
-/// Seven scenes, in both formats.
+/// Ten scenes, in both formats.
 #[test]
 fn foreign_scenes_agree_with_mitsuba() {
     let references = references();
-    assert_eq!(references.len(), 7);
+    assert_eq!(references.len(), 10);
     let mut wrong = Vec::new();
     for (name, reference) in &references {
         for kind in ["xml", "pbrt"] {
