@@ -260,7 +260,7 @@ plant "photons: lists of light paths double" src/integrator/bidirectional/photon
     's/list\.reserve_exact\(end\.max\(length\) - list\.len\(\)\)/list.reserve(length)/' \
     lib::integrator::bidirectional::photons::tests::lists_grow_to_the_length_that_is_expected
 plant "normals: matt surfaces bend as mirrors do" src/scene/mod.rs \
-    's/surface\.least_reflected -= [^;]*;//' appearance::relief_of_matt_surfaces_does_not_depend_on_the_view
+    's/surface\.least_reflected = normals::LEAST_MATT;//' appearance::relief_of_matt_surfaces_does_not_depend_on_the_view
 plant "lighting: a tint of emission is a picture" src/scene/lighting.rs \
     's/ && self\.glow >= VISIBLE//' own_light::lamps_light_and_decoration_does_not
 plant "resolve: a pixel leaves out the first cell around it" src/resolve/guide.rs \

@@ -15,7 +15,7 @@
 //! light, whichever of them a walk arrives from. With η the index on the side of a direction,
 //! f(wo, wi)/ηₒ² = f(wi, wo)/ηᵢ² `[Veach97 §5.2]`; reflection has ηₒ = ηᵢ.
 
-use crate::math::{Rgb, Vec3, luminance};
+use crate::math::{Rgb, Vec3};
 
 pub mod anisotropic;
 pub mod clearcoated;
@@ -225,20 +225,6 @@ impl Bsdf {
             Self::Translucent(t) => Self::Glossy(t.folded()).reflectance(),
             Self::Phase(_) => Rgb::ONE,
             Self::Clearcoated(c) => c.base().reflectance() * c.through(Vec3::Z, Vec3::Z),
-        }
-    }
-
-    /// Share of matt light, in [0, 1], for which no mirror direction matters: that of the base under a rough gloss, 1 for a Lambertian surface,
-    /// 0 for all others.
-    pub(crate) fn matt_share(&self) -> f32 {
-        match self {
-            Self::Diffuse(_) => 1.0,
-            Self::Glossy(g) => {
-                let [base, gloss] = [g.albedo, g.f0].map(luminance);
-                let rough = ((g.alpha - 0.1) / 0.3).clamp(0.0, 1.0);
-                rough * rough * (3.0 - 2.0 * rough) * base / (base + gloss).max(f32::MIN_POSITIVE)
-            }
-            _ => 0.0,
         }
     }
 

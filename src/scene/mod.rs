@@ -596,7 +596,9 @@ impl Scene {
             }
             Some(finish) => self.finished_bsdf(finish, surface, u),
         };
-        surface.least_reflected -= (1.0 + surface.least_reflected) * bsdf.matt_share();
+        if let Bsdf::Diffuse(_) = bsdf {
+            surface.least_reflected = normals::LEAST_MATT;
+        }
         bsdf
     }
 

@@ -71,9 +71,11 @@ pub(super) const LEAST_ROUGH: f32 = 0.08;
 /// through, where more of it would leave on the wrong side.
 pub(super) const LEAST_SMOOTH: f32 = 0.01;
 
+/// The same for surfaces that scatter all light diffusely: the normal bends just so far that `w` is on its side.
+pub(super) const LEAST_MATT: f32 = -1.0;
+
 /// Bends a shading normal on the side of `ng` towards `ng`, just so far that the mirror image of `w` about it has a cosine of `least`
-/// with `ng`, or 0.9 of that of `w` if this is less. The same for `w` and `-w`. With a `least` of -1 the normal bends just so far that `w` is
-/// on its side, which is all that matt light needs.
+/// with `ng`, or 0.9 of that of `w` if this is less. The same for `w` and `-w`.
 ///
 /// A mirror direction below the surface is light that a smooth or glossy lobe loses: dark rims of coarse meshes, black ripples of
 /// normal maps.
@@ -186,7 +188,7 @@ mod tests {
             let ns = Vec3::new(lean * (7.0 * b).cos(), lean * (7.0 * b).sin(), a);
             let height = c.powi(4).max(1e-4);
             let w = Vec3::new((1.0 - height * height).sqrt(), 0.0, height);
-            for least in [LEAST_ROUGH, LEAST_SMOOTH, 0.0, -0.5, -1.0] {
+            for least in [LEAST_ROUGH, LEAST_SMOOTH, 0.0, -0.5, LEAST_MATT] {
                 let n = bent(ns, ng, w, least);
                 assert_eq!(n, bent(ns, ng, -w, least));
                 let bound = least.clamp(-0.9 * height, 0.9 * height);

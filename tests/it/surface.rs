@@ -4,8 +4,9 @@ use crate::geometry::{
     bumpy_sphere, direction, geometry_of, mesh_of, parts_of, point, rng, square,
 };
 use opsr::math::{Frame, Ray, Vec2, Vec3};
-use opsr::scene::material::AlphaMode;
-use opsr::scene::{Geometry, Hit, Material, Mesh, SceneParts, Surface, TriangleId};
+use opsr::scene::material::{AlphaMode, TextureRef};
+use opsr::scene::procedural::shapes;
+use opsr::scene::{Geometry, Hit, Material, Mesh, Scene, SceneParts, Surface, Texture, TriangleId};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 
@@ -247,6 +248,41 @@ fn shading_normal_and_geometric_normal_agree_on_sides() {
         bent += usize::from(n != s.ns);
     }
     assert!(bent > 100, "only {bent} normals were bent");
+}
+
+/// A light walk's vertex looks its BSDF up twice, once as the camera sees it: the frame is the same.
+#[test]
+fn shading_frame_is_the_same_however_often_the_surface_is_looked_up() {
+    let mut parts = SceneParts::default();
+    parts.textures.push(Texture::rgba(1, 1, [[255; 4]]));
+    let matt = Material {
+        specular: 0.0,
+        metallic: 0.0,
+        base_color_texture: Some(TextureRef {
+            texture: 0,
+            second: false,
+            transform: glam::Affine2::IDENTITY,
+        }),
+        ..Material::default()
+    };
+    let gloss = Material {
+        specular: 1.0,
+        alpha: 0.2,
+        ..matt.clone()
+    };
+    for (material, least) in [(matt, -1.0), (gloss, 0.08)] {
+        let mut parts = parts.clone();
+        let mut quad = shapes::quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+        quad.uvs = vec![glam::Vec2::ZERO; 4];
+        parts.add(material, [quad]);
+        let scene = Scene::new(parts);
+        let ray = Ray::new(Vec3::new(0.3, 0.3, 1.0), -Vec3::Z);
+        let mut surface = scene.surface(&scene.intersect(&ray).expect("a hit"));
+        for _ in 0..3 {
+            scene.bsdf(&mut surface, 0.5);
+            assert_eq!(surface.least_reflected, least);
+        }
+    }
 }
 
 /// The bits of a frame.
