@@ -385,6 +385,7 @@ fn foreign_looks_as_gltf_are_the_same_again() {
         .collect();
     let mut looks = Material::default();
     let finish = looks.finish_mut();
+    finish.has_colors = true;
     finish.sheen = Some(SheenCover {
         color: Rgb::new(0.5, 0.25, 0.125),
         alpha: 0.25,
@@ -415,7 +416,10 @@ fn foreign_looks_as_gltf_are_the_same_again() {
     let mut parts = opsr::scene::SceneParts::default();
     parts.add(looks, [mesh.clone()]);
     parts.add(emitter, [shapes::quad(Vec3::Z, Vec3::X, Vec3::Y)]);
-    parts.add(unlit, [shapes::quad(-Vec3::Z, Vec3::X, Vec3::Y)]);
+    // Colours that its material does not use.
+    let mut plain = mesh.clone();
+    plain.positions.iter_mut().for_each(|p| *p -= Vec3::Z);
+    parts.add(unlit, [plain]);
     let made = lowered::lowered(parts);
     assert!(made.lost.is_empty() && made.changed.is_empty());
     let folder = crate::support::quick_folder();
@@ -423,6 +427,7 @@ fn foreign_looks_as_gltf_are_the_same_again() {
     glb::save(&made.parts, &written).unwrap();
     let again = load(&written, &opsr_formats::options()).unwrap().parts;
     assert_eq!(again.meshes[0].colors, mesh.colors);
+    assert!(again.meshes[2].colors.is_empty());
     let [looks, emitter, unlit] = &again.materials[..] else {
         panic!("{} materials", again.materials.len());
     };

@@ -84,7 +84,14 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
         "colours of light that is reflected and transmitted, which one base cannot have both",
     );
     for mesh in &mut parts.meshes {
+        let finish = &parts.materials[mesh.material as usize].finish;
+        // A file's colours count wherever a mesh has them.
+        let colors = match finish.as_ref().is_some_and(|f| f.has_colors) {
+            true => std::mem::take(&mut mesh.colors),
+            false => Vec::new(),
+        };
         *mesh = Mesh {
+            colors,
             tangents: Vec::new(),
             ..std::mem::take(mesh)
         };
