@@ -111,7 +111,7 @@ impl Ended<'_> {
                 true => {
                     "no path has found light; `opsr info` names an integrator for the scene's lights and materials"
                 }
-                false => "the camera sees no surface; --look places another",
+                false => "the camera sees no surface; --camera places another",
             };
             tracing::warn!("the picture is black: {why}");
         }
