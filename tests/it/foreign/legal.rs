@@ -189,6 +189,10 @@ fn foreign_metals_of_pbrt_reflect_what_they_say() {
             loaded.warnings
         );
     }
+    // Another spectrum may end like one of a metal.
+    let other = metal("\"conductor\" \"spectrum k\" \"foo-k\"").warnings;
+    let said = "spectrum `foo-k` is not supported: shown as 1 at all wavelengths";
+    assert!(other.iter().any(|w| w.contains(said)), "{other:?}");
 }
 
 /// What the camera sees of a rectangle of this BSDF, which emits 1 before a sky of 0.5, along many rays: the mean.

@@ -75,7 +75,9 @@ impl Scene<'_> {
         if let Some(eta) = metals::glass(name) {
             return Ok(Rgb::splat(eta));
         }
-        if let Some((metal, part @ ("eta" | "k"))) = name.rsplit_once('-') {
+        if let Some((metal, part @ ("eta" | "k"))) = name.rsplit_once('-')
+            && metal.starts_with("metal-")
+        {
             // Without its data the nearest colour of metal: copper for brass, or one that is bright and neutral.
             let found = metals::metal(metal);
             let other = ["metal-Al", "metal-Cu"][usize::from(metal == "metal-CuZn")];
