@@ -139,8 +139,9 @@ impl Scene {
         }
         if is_lamp {
             light.emitting += 1;
-            let albedo = luminance(self.bsdf(&mut first, 0.5).reflectance());
-            seen[0] += f64::from(luminance(emitted));
+            // By the largest channel: a blue surface may outshine what it reflects.
+            let albedo = self.bsdf(&mut first, 0.5).reflectance().max_element();
+            seen[0] += f64::from(emitted.max_element());
             seen[1] += f64::from(albedo) * sums[1] / f64::from(PATHS);
             return;
         }
