@@ -346,8 +346,8 @@ options! {
     /// Add layers to EXR files; by default albedo, normal, depth. `each-level` adds every level as a layer `level0`, `level1` and so on.
     aov: Layers, Files { value: "LAYERS", bare: Some(Layers::USUAL), effect: Effect::Files, common: true }
     /// Denoise the picture with Open Image Denoise 2. It is looked for in the folder OIDN_DIR and in the system's library
-    /// path. Of several levels the one that suits it is denoised, and mixed with the picture of every pixel's level by the errors
-    /// of both. EXR files keep the picture before it as the layer `noisy`.
+    /// path. Its picture is mixed with the one that was chosen among levels and blurs, where samples that it has not seen say that it helps;
+    /// `--resolve raw` shows it alone. EXR files keep the picture before it as the layer `noisy`.
     denoise: bool, Files { common: true, of_film: true }
     /// Brightness of PNG files in stops. `auto` puts the 90th percentile of the luminance at 65 % of white, and brightens nothing
     /// in the built-in studio; `none` is 0.

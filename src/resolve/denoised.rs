@@ -23,7 +23,8 @@
 //! ```
 //!
 //! The picture is S + s (D − S): S the choice of all batches, D their filtered mean, s = (λ − 0.1) 7/6, in [0, 0.7]. Fine light that the
-//! filter has taken stays where the samples show it, and a lamp that the filter has spread stays as it is.
+//! filter has taken stays where the samples show it, and a lamp that the filter has spread stays as it is. Only w has seen all samples, since it
+//! is made of S: weights of the halves themselves are noisier, and their mix is worse (docs/lab/resolve.md).
 
 use super::filter::{Size, tent};
 use super::{Resolve, Resolved, gain, resolve_film};
