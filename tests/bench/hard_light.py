@@ -8,8 +8,8 @@ caustics: manifolds and guiding of Cycles, light paths and photons of LuxCore, O
 
 A pool with waves on its water, and a statue of glass beside one of metal, under a lamp of 20 x 20 cm in a room of 2 m; smooth glass,
 mirrors and matt walls, which all renderers have alike. BUDGET and TURNS are taken from the environment (20 s, 3). Samples of a
-render are those that take BUDGET of CPU time, by the time of 16; a render of one sample counts as loading. The reference is of
-SAMPLES (4096) iterations of vcm. PICTURES names a folder for the last pictures. Not part of the automatic tests: it needs an hour.
+render are those that take BUDGET of CPU time, by the time of 16; a render of one sample counts as loading. ONLY names the rows to print, by parts of their names with commas between. OIDN_DIR must name Open Image
+Denoise. The reference is of SAMPLES (4096) iterations of vcm. PICTURES names a folder for the last pictures. Not part of the automatic tests: it needs an hour.
 """
 
 import importlib.util
@@ -93,12 +93,13 @@ PEERS = {
     "LuxCore BIDIRCPU": ("pyluxcore", lambda *args: peers.luxcore(*args, "BIDIRCPU")),
 }
 OURS = {
-    "opsr": ["--resolve", "raw"],
-    "opsr, blurred": [],
+    "opsr, no option": [],
+    "opsr, no option, Oidn": ["--denoise"],
     "opsr, beta-0.001": ["--opsr-table", "beta-0.001"],
-    "opsr, bdpt": ["--integrator", "bdpt"],
-    "opsr, vcm": ["--integrator", "vcm"],
-    "opsr, auto": ["--integrator", "auto"],
+    "opsr, plain paths": ["--integrator", "path", "--resolve", "raw"],
+    "opsr, plain paths, Oidn": ["--integrator", "path", "--resolve", "raw", "--denoise"],
+    # The reference.
+    "opsr, vcm": ["--integrator", "vcm", "--resolve", "raw"],
 }
 
 
@@ -139,8 +140,11 @@ def main():
     pictures = os.environ.get("PICTURES")
     print(peers.processor())
     there = [*OURS, *(who for who, (package, _) in PEERS.items() if importlib.util.find_spec(package))]
-    for who in PEERS.keys() - there:
-        print(f"missing: {who} (pip install {PEERS[who][0]})")
+    only = os.environ.get("ONLY", "").split(",")
+    there = [who for who in there if any(part in who for part in only)]
+    for who, (package, _) in PEERS.items():
+        if not importlib.util.find_spec(package):
+            print(f"missing: {who} (pip install {package})")
     for name in ROOMS:
         reference = render(program, "opsr, vcm", name, samples, 1000)[1]
         print(f"{name}, {SIZE} x {SIZE}, {seconds} CPU-seconds, medians of {turns} turns: relMSE trimmed, MAPE, FLIP, energy")
