@@ -8,6 +8,7 @@
 //!
 //! Work is counted in camera paths, each sample at what it costs in most scenes, so that a choice depends on its arguments alone.
 
+mod first_sample;
 mod judge;
 mod photons;
 pub mod stopwatch;
@@ -22,6 +23,7 @@ use crate::math::UVec2;
 use crate::regularise::Rule;
 use crate::sampler::{Domain, SamplerKind, Seed};
 use crate::scene::Scene;
+pub(crate) use first_sample::with_a_first_sample;
 use judge::{Draft, best, judged};
 use std::fmt;
 use std::time::Duration;

@@ -14,7 +14,9 @@ use crate::integrator::{Amounts, Estimator, Picture, Recorded, Settings, Stop, V
 use crate::math::UVec2;
 use crate::memory;
 use crate::pilot::witness::{Missing, missing_light};
-use crate::pilot::{Choice, Contender, Horizon, SPP_OF_TARGET, choose_integrator, left_after};
+use crate::pilot::{
+    Choice, Contender, Horizon, SPP_OF_TARGET, choose_integrator, left_after, with_a_first_sample,
+};
 use crate::resolve::{Resolve, stopping_error, stopping_error_of_samples};
 use crate::scene::{Camera, Lens, Scene};
 use std::ops::ControlFlow;
@@ -407,6 +409,7 @@ impl<'a> Request<'a> {
         if self.contenders.is_empty() {
             return Ok(ControlFlow::Continue(None));
         }
+        let clock = Instant::now();
         let contenders: Vec<Contender> = self.contenders.iter().map(|(c, ..)| c.clone()).collect();
         let horizon = self.spec.horizon();
         let window = match horizon {
@@ -416,9 +419,14 @@ impl<'a> Request<'a> {
         let view = View::new(self.subject.scene, &self.camera, self.frame, window);
         let chosen = choose_integrator(&contenders, &view, horizon, go_on);
         let chosen = chosen.map_err(|e| Fault::option(self.spec.window_option(), e))?;
-        let Some(chosen) = chosen else {
+        let Some(mut chosen) = chosen else {
             return Ok(ControlFlow::Break(()));
         };
+        if let (Horizon::Seconds(_), Some(time)) = (horizon, self.spec.time) {
+            let left = left_after(time, clock.elapsed());
+            let fits = with_a_first_sample(chosen, &contenders, &view, left);
+            chosen = fits.map_err(|e| Fault::option(self.spec.window_option(), e))?;
+        }
         self.take(chosen.best);
         self.check_memory()?;
         Ok(ControlFlow::Continue(Some(chosen)))

@@ -45,6 +45,21 @@ fn auto_chooses_an_integrator_that_finds_the_light() {
     }
 }
 
+/// A sample of light paths of a million pixels takes seconds, and nothing of it would be whole.
+#[test]
+fn auto_takes_paths_where_no_other_sample_fits_into_the_time() {
+    let place = place("sun-pool");
+    let ended = place.opsr("render scene.glb --size 1200x900 --time 0.4s -o short.exr");
+    assert!([Some(0), Some(5)].contains(&ended.code), "{}", ended.err);
+    assert_eq!(integrator(&place, "short.exr"), "path");
+    let why = "takes longer than there is time";
+    assert!(ended.err.contains(why), "{}", ended.err);
+    let ended = place
+        .opsr("render scene.glb --size 32x24 --time 1s -o long.exr")
+        .done();
+    assert_eq!(integrator(&place, "long.exr"), "vcm", "{}", ended.err);
+}
+
 #[test]
 fn auto_resume_goes_on_with_the_same_integrator() {
     let place = place("sun-pool");

@@ -1,0 +1,57 @@
+//! A choice whose first sample fits into the time of a render.
+
+use super::window::pilot_window;
+use super::{Choice, Contender, PATHS_PER_SECOND, as_many_photons, usual_cost};
+use crate::image::film::{Film, FilmError};
+use crate::integrator::{Picture, Settings, View};
+use std::time::{Duration, Instant};
+
+/// Share of the pixels on which the time of a sample is measured.
+const SHARE: f64 = 1.0 / 64.0;
+
+/// Most times that a sample may cost what it costs in most scenes.
+const DEARER: f64 = 16.0;
+
+/// Keeps a choice, unless not one whole sample of it fits into the time that is `left`: then paths take its place, and their first sample
+/// stands where the other would leave pixels black. The clock decides, as it decides how many samples such a render has.
+pub(crate) fn with_a_first_sample(
+    choice: Choice,
+    contenders: &[Contender],
+    view: &View<'_>,
+    left: Duration,
+) -> Result<Choice, FilmError> {
+    let best = &contenders[choice.best];
+    let pixels = view.window.len() as f64;
+    let frames = f64::from(view.sensor.frame.element_product()) / pixels;
+    let threads = rayon::current_num_threads() as f64;
+    let usual = usual_cost(best, frames) * pixels / (PATHS_PER_SECOND * threads);
+    let left = left.as_secs_f64();
+    if best.kind.is_path() || DEARER * usual < left {
+        return Ok(choice);
+    }
+    let (frame, window) = pilot_window(view.sensor.frame, view.window, (SHARE * pixels) as f32);
+    let small = View::new(view.scene, view.sensor.camera, frame, window);
+    let settings = Settings {
+        estimator: as_many_photons(best.settings.estimator, view, &small),
+        ..best.settings.clone()
+    };
+    let mut integrator = settings.integrator();
+    integrator.prepare(&small);
+    let mut picture = Picture::new(Film::cropped(frame, window)?);
+    let clock = Instant::now();
+    integrator.pass(&small, 0..1, &mut picture);
+    let seconds = clock.elapsed().as_secs_f64() * pixels / window.len() as f64;
+    if seconds <= left {
+        return Ok(choice);
+    }
+    let path = |c: &Contender| c.kind.is_path();
+    let best = contenders.iter().rposition(path).unwrap_or(0);
+    Ok(Choice {
+        best,
+        name: contenders[best].name(),
+        chosen: None,
+        trials: Vec::new(),
+        why: "a sample of the one that the scene calls for takes longer than there is time",
+        ..choice
+    })
+}
