@@ -21,15 +21,15 @@ pub(crate) fn with_a_first_sample(
     left: Duration,
 ) -> Result<Choice, FilmError> {
     let best = &contenders[choice.best];
-    let pixels = view.window.len() as f64;
-    let frames = f64::from(view.sensor.frame.element_product()) / pixels;
+    let (frame, pixels) = (view.sensor.frame, view.window.len() as f64);
+    let frames = f64::from(frame.x) * f64::from(frame.y) / pixels;
     let threads = rayon::current_num_threads() as f64;
     let usual = usual_cost(best, frames) * pixels / (PATHS_PER_SECOND * threads);
     let left = left.as_secs_f64();
     if best.kind.is_path() || DEARER * usual < left {
         return Ok(choice);
     }
-    let (frame, window) = pilot_window(view.sensor.frame, view.window, (SHARE * pixels) as f32);
+    let (frame, window) = pilot_window(frame, view.window, (SHARE * pixels) as f32);
     let small = View::new(view.scene, view.sensor.camera, frame, window);
     let settings = Settings {
         estimator: as_many_photons(best.settings.estimator, view, &small),
