@@ -67,11 +67,14 @@ pub(crate) fn denoise_film<E>(
         return Ok(resolved);
     };
     let half = |second: bool| {
-        let film = film.half(second);
-        let raw = film.mean(0);
+        // The film of a half is gone before the denoiser takes its memory.
+        let (raw, chosen) = {
+            let film = film.half(second);
+            (film.mean(0), resolve_film(&film, settings).picture)
+        };
         Ok(Half {
             filtered: denoise(&raw)?,
-            chosen: resolve_film(&film, settings).picture,
+            chosen,
             raw,
         })
     };
