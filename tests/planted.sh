@@ -262,7 +262,7 @@ plant "photons: lists of light paths double" src/integrator/bidirectional/photon
 plant "normals: matt surfaces bend as mirrors do" src/scene/mod.rs \
     's/surface\.least_reflected = normals::LEAST_MATT;//' appearance::relief_of_matt_surfaces_does_not_depend_on_the_view
 plant "lighting: a tint of emission is a picture" src/scene/lighting.rs \
-    's/ && self\.glow >= VISIBLE//' own_light::lamps_light_and_decoration_does_not
+    's/ && self\.emitted >= VISIBLE \* self\.reflected//' own_light::lamps_light_and_decoration_does_not
 plant "resolve: a pixel leaves out the first cell around it" src/resolve/guide.rs \
     's/let first = most\.saturating_sub\(shift\);/let first = most.saturating_sub(shift) + edge;/' \
     lib::resolve::tests::values_of_cells_are_a_gaussian_mean_of_those_around

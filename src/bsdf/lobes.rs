@@ -391,30 +391,21 @@ impl ThinDielectric {
     /// Share of light that a smooth wall lets straight through at this cosine.
     #[inline]
     pub(crate) fn straight(&self, cos: f32) -> Rgb {
-        self.rest(cos.abs().min(1.0)) * self.tint
+        let [_, rest] = self.parts(cos.abs().min(1.0));
+        rest * self.tint
     }
 
-    /// Light at this cosine that is not reflected. What the tint of a wall by Fresnel's equations takes from its reflection is absorbed.
+    /// Shares of light at this cosine that are reflected, and that are left to pass, in [0, 1]. With the reflectance r of a face both faces
+    /// have r + (1 − r)² r + … = 2r/(1 + r); what a tint takes from that reflection is absorbed.
     #[inline]
-    fn rest(&self, cos: f32) -> Rgb {
-        match self.eta {
-            0.0 => Rgb::ONE - self.fresnel(cos),
-            eta => {
-                let face = dielectric(cos, eta);
-                Rgb::splat(1.0 - 2.0 * face / (1.0 + face))
-            }
-        }
-    }
-
-    /// Reflectance at this cosine in [0, 1]. With the reflectance r of a face both faces have r + (1 − r)² r + … =
-    /// 2r/(1 + r).
-    #[inline]
-    fn fresnel(&self, cos: f32) -> Rgb {
+    fn parts(&self, cos: f32) -> [Rgb; 2] {
         if self.eta == 0.0 {
-            return schlick(self.f0, self.f90, cos);
+            let f = schlick(self.f0, self.f90, cos);
+            return [f, Rgb::ONE - f];
         }
         let face = dielectric(cos, self.eta);
-        self.f0 * (2.0 * face / (1.0 + face))
+        let both = 2.0 * face / (1.0 + face);
+        [self.f0 * both, Rgb::splat(1.0 - both)]
     }
 
     #[inline]
@@ -428,13 +419,9 @@ impl ThinDielectric {
             wi
         };
         let (mut query, cos_h) = reflection(wo, wi, self.distribution)?;
-        let f = self.fresnel(cos_h);
+        let [f, rest] = self.parts(cos_h);
         let p = luminance(f);
-        query.scale *= if through {
-            self.rest(cos_h) * self.tint
-        } else {
-            f
-        };
+        query.scale *= if through { rest * self.tint } else { f };
         query.pdf_scale *= if through { 1.0 - p } else { p };
         Some(query)
     }
@@ -451,10 +438,10 @@ impl ThinDielectric {
         if alpha >= DELTA_ALPHA {
             return finish(self.query(wo, wi), alpha, wi, lobe);
         }
-        let f = self.fresnel(wo.z.abs().min(1.0));
+        let [f, rest] = self.parts(wo.z.abs().min(1.0));
         let p = luminance(f);
         let weight = match lobe {
-            Lobe::Transmission => self.straight(wo.z) / (1.0 - p),
+            Lobe::Transmission => rest * self.tint / (1.0 - p),
             _ => f / p,
         };
         delta(wi, weight, lobe)
@@ -478,7 +465,7 @@ impl ThinDielectric {
         if wi.z <= 0.0 {
             return None;
         }
-        let f = self.fresnel((0.5 * (wo + wi).length()).min(1.0));
+        let [f, _] = self.parts((0.5 * (wo + wi).length()).min(1.0));
         Some(if choice < luminance(f) {
             (above(side, wi), Lobe::Reflection)
         } else {

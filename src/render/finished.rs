@@ -41,7 +41,8 @@ pub struct Shown {
 impl Shown {
     /// Chooses among the levels and blurs of a picture, and denoises it where a denoiser is given.
     ///
-    /// The denoiser's picture is mixed with the choice by samples that it has not seen, unless the raw samples are asked for. Fails where the denoiser does, or lacks albedo and normal.
+    /// The denoiser's picture is mixed with the choice by samples that it has not seen, unless the raw samples are asked for. Fails
+    /// where the denoiser does, or lacks albedo and normal.
     pub fn of(picture: &Picture, spec: &Spec, denoiser: Option<&Denoiser>) -> Result<Self, Fault> {
         let how = spec.resolve();
         let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, how));

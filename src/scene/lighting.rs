@@ -52,8 +52,9 @@ pub struct Lighting {
     pub around: f64,
     /// Points that the camera sees and that emit, by a material without an emissive texture.
     pub emitting: u32,
-    /// Mean radiance that those emit over what they would reflect of the surroundings; infinite where they reflect nothing.
-    pub glow: f64,
+    /// Sum of the radiance that they emit, and of what they would reflect of the surroundings.
+    pub emitted: f64,
+    pub reflected: f64,
     /// Share of the light above which the scene's own surfaces are its lamps.
     pub least: f64,
     /// True if no path from any point leaves the scene.
@@ -70,7 +71,8 @@ impl Lighting {
     /// True if the scene's own surfaces are its lamps.
     pub(crate) fn is_lit(&self) -> bool {
         let seen = f64::from(self.points + self.emitting);
-        let is_picture = f64::from(self.emitting) > PICTURE * seen && self.glow >= VISIBLE;
+        let is_picture =
+            f64::from(self.emitting) > PICTURE * seen && self.emitted >= VISIBLE * self.reflected;
         let reaches = f64::from(self.reached) >= REACHED * f64::from(self.points);
         is_picture || self.own > 0.0 && (self.enclosed || reaches && self.share() >= self.least)
     }
@@ -93,33 +95,19 @@ impl Scene {
             enclosed: true,
             ..Lighting::default()
         };
-        let mut seen = [0.0; 2];
         for y in 0..GRID {
             for x in 0..GRID {
-                self.light_at(&camera, UVec2::new(x, y), around, &mut light, &mut seen);
+                self.light_at(&camera, UVec2::new(x, y), around, &mut light);
             }
         }
-        let [emitted, reflected] = seen;
-        light.glow = if emitted > 0.0 {
-            emitted / reflected
-        } else {
-            0.0
-        };
         let points = f64::from(light.points.max(1));
         light.enclosed &= light.points > 0;
         (light.own, light.around) = (light.own / points, light.around / points);
         light
     }
 
-    /// Adds the light at what the camera sees in a cell of the grid; of what emits to `seen`, what it emits and what it reflects.
-    fn light_at(
-        &self,
-        camera: &Camera,
-        cell: UVec2,
-        around: &Environment,
-        light: &mut Lighting,
-        seen: &mut [f64; 2],
-    ) {
+    /// Adds the light at what the camera sees in a cell of the grid.
+    fn light_at(&self, camera: &Camera, cell: UVec2, around: &Environment, light: &mut Lighting) {
         let film = (cell.as_vec2() + 0.5) / GRID as f32;
         let ray = camera.ray(film, camera.aspect.unwrap_or(1.0));
         let Some(mut first) = self.opaque(&ray, true) else {
@@ -141,8 +129,8 @@ impl Scene {
             light.emitting += 1;
             // By the largest channel: a blue surface may outshine what it reflects.
             let albedo = self.bsdf(&mut first, 0.5).reflectance().max_element();
-            seen[0] += f64::from(emitted.max_element());
-            seen[1] += f64::from(albedo) * sums[1] / f64::from(PATHS);
+            light.emitted += f64::from(emitted.max_element());
+            light.reflected += f64::from(albedo) * sums[1] / f64::from(PATHS);
             return;
         }
         light.enclosed &= !leaves;

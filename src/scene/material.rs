@@ -400,17 +400,6 @@ impl Material {
         self.specular != 0.0 && self.ior != 1.0
     }
 
-    /// True for a picture: a material that a file calls unlit, or one that only emits, from both sides and at most 1.
-    pub(super) fn is_unlit(&self) -> bool {
-        let emits = self.emission != Rgb::ZERO && self.emission.max_element() <= 1.0;
-        let only = self.double_sided
-            && self.base_color == Rgb::ZERO
-            && self.specular == 0.0
-            && self.metallic == 0.0
-            && self.translucency().is_none();
-        self.unlit || emits && only
-    }
-
     /// True for a Lambertian material: a dielectric whose coat reflects nothing.
     pub fn is_lambert(&self) -> bool {
         self.metallic == 0.0 && self.transmission == 0.0 && !self.has_coat() && !self.is_covered()

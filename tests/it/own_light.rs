@@ -227,7 +227,15 @@ fn lamps_light_and_decoration_does_not() {
             None,
             true,
         ),
-        ("picture that is unlit", large(black(0.9)), None, false),
+        (
+            "picture that is unlit",
+            large(Material {
+                unlit: true,
+                ..black(0.9)
+            }),
+            None,
+            false,
+        ),
         (
             "lamp that faces away",
             with(10.0, lamp(50.0), [square(0.5, 3.0).inverted()]),
@@ -265,6 +273,35 @@ fn lamps_light_and_decoration_does_not() {
             opened.scene.warnings()
         );
     }
+}
+
+/// Automatic exposure brightens no picture of the studio, whichever way it was chosen, and what has no surface is named.
+#[test]
+fn studio_is_not_brightened_and_empty_scenes_are_named() {
+    let dark = opsr::image::Buffer::filled(8, 8, Rgb::splat(0.01));
+    let exposure = |env: Option<&str>, in_studio| {
+        let spec = Spec {
+            env: env.map(Into::into),
+            ..Spec::default()
+        };
+        spec.display(&dark, in_studio).exposure
+    };
+    assert!(exposure(None, false) > 1.0 && exposure(Some("sky"), false) > 1.0);
+    assert_eq!(
+        [exposure(None, true), exposure(Some("studio"), false)],
+        [0.0; 2]
+    );
+    let words = "the scene has no surface";
+    let mut none = file(&ground(10.0), None);
+    none.json["scenes"] = json!([{ "nodes": [] }]);
+    let empty = open(&none, &[]);
+    assert!(
+        empty.warnings.iter().any(|w| w.contains(words)),
+        "{:?}",
+        empty.warnings
+    );
+    let full = open(&file(&ground(10.0), None), &[]);
+    assert!(!full.warnings.iter().any(|w| w.contains(words)));
 }
 
 /// The decision is a property of the scene: no camera of a studio, and the same on every run.

@@ -20,7 +20,7 @@ impl FileLight {
         if !parts.lights.is_empty() || parts.environment.is_some() {
             return Self::Lamps;
         }
-        let emits = |m: &Material| m.emission != Rgb::ZERO && !m.is_unlit();
+        let emits = |m: &Material| m.emission != Rgb::ZERO && !m.unlit;
         let shines = |mesh: &Mesh| (parts.materials.get(mesh.material as usize)).is_some_and(emits);
         match parts.all_meshes().any(shines) {
             true => Self::Surfaces,

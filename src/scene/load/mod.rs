@@ -275,7 +275,7 @@ fn paint<'a>(
 ) {
     for mesh in meshes.filter(|mesh| !mesh.colors.is_empty()) {
         let material = &mut materials[mesh.material as usize];
-        if material.is_unlit() {
+        if material.unlit {
             let at = place("materials", mesh.material as usize, Some(&material.name));
             warnings.group("materials", at, "unlit, so that vertex colours are ignored");
         } else {

@@ -22,6 +22,16 @@ fn picture(place: &Place, name: &str) -> Buffer {
     exr::read_rgb(&place.path().join(name)).expect("a picture")
 }
 
+/// A black picture says if no surface is seen, or no light is found.
+#[test]
+fn black_picture_of_nothing_names_the_camera() {
+    let place = caustics();
+    let away = "--camera 0,0,50,0,0,100,0,1,0,40 --spp 1 -o a.exr";
+    let ended = place.render(away);
+    let words = "the camera sees no surface; --camera places another";
+    assert!(ended.err.contains(words), "{}", ended.err);
+}
+
 /// Without the library the render does not begin; with it the picture before it is a layer.
 #[test]
 fn denoised_picture_keeps_the_noisy_one_as_a_layer() {

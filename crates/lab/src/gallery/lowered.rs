@@ -5,7 +5,7 @@ use opsr::math::Rgb;
 use opsr::scene::finish::{ExactCover, Finish, Translucency};
 use opsr::scene::light::Falloff;
 use opsr::scene::material::{AlphaMode, TextureRef};
-use opsr::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};
+use opsr::scene::{Material, PunctualLight, SceneParts, Texture};
 
 /// Scene parts that [`glb`](super::glb) writes, and what is different in them.
 #[derive(Clone, Debug)]
@@ -84,17 +84,12 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
         "colours of light that is reflected and transmitted, which one base cannot have both",
     );
     for mesh in &mut parts.meshes {
+        mesh.tangents.clear();
+        // In a file colours count wherever a mesh has them.
         let finish = &parts.materials[mesh.material as usize].finish;
-        // A file's colours count wherever a mesh has them.
-        let colors = match finish.as_ref().is_some_and(|f| f.has_colors) {
-            true => std::mem::take(&mut mesh.colors),
-            false => Vec::new(),
-        };
-        *mesh = Mesh {
-            colors,
-            tangents: Vec::new(),
-            ..std::mem::take(mesh)
-        };
+        if !finish.as_ref().is_some_and(|f| f.has_colors) {
+            mesh.colors.clear();
+        }
     }
     Lowered {
         parts,
