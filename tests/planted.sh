@@ -21,7 +21,7 @@ git ls-files -z | tar --null --create --files-from=- | tar --extract --directory
 missed=0
 tried=0
 # plant NAME FILE SUBSTITUTION TEST: a Perl substitution over the whole file; a test of the library is lib::its::name, of
-# frames and formats frames::its::name and formats::its::name.
+# frames, formats and the viewer frames::its::name, formats::its::name and viewer::its::name.
 plant() {
     local name=$1 file=$2 change=$3 test=$4
     case $name in *"$only"*) ;; *) return ;; esac
@@ -31,6 +31,7 @@ plant() {
     stability_train::*) target="-p opsr-cli --test it" ;;
     lib::*) target="-p opsr --lib" test=${test#lib::} ;;
     frames::*) target="-p opsr-frames --lib" test=${test#frames::} ;;
+    viewer::*) target="-p opsr-view --lib" test=${test#viewer::} ;;
     formats::*) target="-p opsr-formats --lib" test=${test#formats::} ;;
     esac
     cp "$tree/$file" "$tree/../original"
@@ -320,6 +321,11 @@ plant "studio: the floor moves with the objects" src/render/open.rs \
     's/lay_floor\(loaded\.rest\.as_ref\(\)\)/lay_floor(None)/' load::motion::floor_of_the_studio_stays_at_every_moment
 plant "view: the camera turns at the depth of the floor" crates/view/src/work.rs \
     's/\(!is_floor\)\.then/(true || is_floor).then/' view::view_knows_the_objects_of_a_studio
+plant "view: pictures of fewer pixels are raw" crates/view/src/young.rs \
+    's/= settings\(request, viewpoint\);/= Settings { amounts: Amounts::Raw, ..settings(request, viewpoint) };/' \
+    viewer::work::tests::young_pictures_are_resolved
+plant "view: one sample of a whole frame is shown" crates/view/src/work.rs \
+    's/run\.samples > 1 && due/due/' viewer::work::tests::first_sample_of_a_frame_waits_for_the_second
 plant "view: the floor is an object" crates/view/src/open_scene.rs \
     's/\(!is_floor\)\.then_some/(true || is_floor).then_some/' view::view_knows_the_objects_of_a_studio
 plant "merges: lights allow them" src/integrator/bidirectional/walk.rs \

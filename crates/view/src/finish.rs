@@ -9,9 +9,7 @@ use opsr::image::Buffer;
 use opsr::image::film::Film;
 use opsr::integrator::{Picture, Settings, Stop};
 use opsr::pilot::witness::{Missing, missing_light};
-use opsr::render::value::ResolveChoice;
 use opsr::render::{Fault, Names, Shown, Spec};
-use opsr::resolve::Resolve;
 use opsr_metric::flip;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -62,7 +60,8 @@ impl Slot {
         (!busy).then_some(waiting.cost)
     }
 
-    fn take(&self) -> Option<Job> {
+    /// The film that waits, of the first side first; `None` where none comes for a moment.
+    pub(super) fn take(&self) -> Option<Job> {
         let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         let (mut waiting, _) = self
             .changed
@@ -76,7 +75,8 @@ impl Slot {
         job
     }
 
-    fn done(&self, cost: f64) {
+    /// Ends the work at a film that took these seconds.
+    pub(super) fn done(&self, cost: f64) {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         (waiting.busy, waiting.cost) = (false, cost);
     }
@@ -238,13 +238,7 @@ fn finished(
     missing: Option<&Missing>,
 ) -> Result<Snapshot, Fault> {
     let denoiser = spec.denoiser()?;
-    // The choice of one sample takes seconds of a large picture, and the next picture would wait for it.
-    let as_it_is = (job.samples == 1).then(|| Spec {
-        resolve: Some(ResolveChoice::Film(Resolve::None)),
-        ..spec.clone()
-    });
-    let shown = as_it_is.as_ref().unwrap_or(spec);
-    let shown = Shown::of(&job.picture, shown, denoiser.as_ref())?;
+    let shown = Shown::of(&job.picture, spec, denoiser.as_ref())?;
     let mut maps = Maps::of(&shown, &job.picture.film, missing);
     let picture = shown.picture;
     let (flip, values) = against.flip(job.side, &picture);
@@ -296,9 +290,6 @@ mod tests {
     use opsr::integrator::Amounts;
     use opsr::integrator::{Recorded, View};
     use opsr::math::UVec2;
-    use opsr::render::open::Opened;
-    use opsr::scene::Scene;
-    use opsr_lab::gallery::builtin;
 
     /// The sun on a pool, of which the path tracer finds a quarter: the witness speaks of this render and of no other, and
     /// what is missing is part of the error and has a map.
@@ -310,24 +301,13 @@ mod tests {
 
     /// A render of a pool under the sun with these samples.
     fn job(amounts: Amounts, samples: u32) -> Job {
-        let scene = Scene::new(builtin("sun-pool").expect("a scene"));
-        let camera = scene.parts().cameras[0].clone();
-        let opened = Opened {
-            scene,
-            sha256: String::new(),
-            files: Vec::new(),
-            warnings: Vec::new(),
-            animations: Vec::new(),
-            variants: Vec::new(),
-            in_studio: false,
-            lighting: None,
-        };
+        let open_scene = Arc::new(OpenScene::sun_pool());
+        let camera = open_scene.opened.scene.parts().cameras[0].clone();
         let size = UVec2::splat(40);
         let settings = Settings {
             amounts,
             ..Settings::default()
         };
-        let open_scene = Arc::new(OpenScene { opened });
         let viewpoint = Arc::new(Viewpoint::new(open_scene, camera, size, &settings));
         let view: View<'_> = viewpoint.view(size);
         let mut picture = Picture::blank(size, view.window, &settings.amounts, Recorded::default())
@@ -350,19 +330,6 @@ mod tests {
         reference: None,
         shown: false,
     };
-
-    #[test]
-    fn first_sample_is_shown_as_it_is() {
-        for (samples, resolved) in [(1, false), (2, true)] {
-            let job = job(Amounts::Blurred, samples);
-            let shown = finished(&job, &Spec::default(), &ALONE, None).expect("a picture");
-            assert_eq!(
-                shown.picture != job.picture.film.mean(),
-                resolved,
-                "{samples}"
-            );
-        }
-    }
 
     fn missing_light_is_shown_at(amounts: Amounts) {
         let job = job(amounts, 400);

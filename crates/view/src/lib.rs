@@ -30,6 +30,7 @@ mod paint;
 mod save;
 mod serve;
 mod work;
+mod young;
 
 use finish::Slot;
 use hub::Hub;
@@ -45,6 +46,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 use work::Renderer;
+use young::Young;
 
 /// A viewer of a scene that listens and does not render yet.
 pub struct Viewer {
@@ -123,7 +125,7 @@ impl Viewer {
                 slot: &slot,
                 file: &file,
                 key: None,
-                cost: 1e-6,
+                young: Young::default(),
                 choices: HashMap::new(),
             };
             renderer.run();

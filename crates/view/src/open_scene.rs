@@ -21,6 +21,26 @@ pub(super) struct OpenScene {
     pub(super) opened: Opened,
 }
 
+#[cfg(test)]
+impl OpenScene {
+    /// A pool in the sun.
+    pub(super) fn sun_pool() -> Self {
+        let parts = opsr_lab::gallery::builtin("sun-pool").expect("a scene");
+        Self {
+            opened: Opened {
+                scene: opsr::scene::Scene::new(parts),
+                sha256: String::new(),
+                files: Vec::new(),
+                warnings: Vec::new(),
+                animations: Vec::new(),
+                variants: Vec::new(),
+                in_studio: false,
+                lighting: None,
+            },
+        }
+    }
+}
+
 /// Albedo, normal and depth of the first surfaces.
 pub(super) type First = Arc<[Buffer; 3]>;
 

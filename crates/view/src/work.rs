@@ -1,12 +1,12 @@
 //! The thread that renders: opens the scene, shows a few pixels at once and then more, and refines the whole frame until a page
 //! wants something else.
 
-use super::finish::{Job, Maps, Slot};
-use super::hub::{Course, Hub, Snapshot, State};
+use super::finish::{Job, Slot};
+use super::hub::{Course, Hub, State};
 use super::open_scene::{OpenScene, Viewpoint};
 use super::options::{Options, Overlay, leave_out};
-use opsr::image::film::Window;
-use opsr::integrator::{Amounts, Integrator, Picture, Recorded, Stop, View};
+use super::young::{HALF, Young};
+use opsr::integrator::{Integrator, Picture, Stop};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::render::look::{CameraChoice, Look};
 use opsr::render::value::word;
@@ -22,17 +22,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Seconds that the first picture after a change may take, and a pass of a whole frame where one sample takes less: at first,
-/// and later. Many samples of a pixel in a pass take less time than one; a pass is broken off where it is no longer wanted.
-const FIRST: f64 = 0.05;
+/// Seconds that a pass of a whole frame may take where one sample takes less: at first, and later. Many samples of a pixel in a
+/// pass take less time than one; a pass is broken off where it is no longer wanted.
 const PASS: [f64; 2] = [0.25, 1.0];
 
 /// Most samples of a pass, and of a render that has no end of its own.
 const MAX_PASS: u32 = 16;
 const ENOUGH: u32 = 1 << 16;
-
-/// Most pixels of a side that become one at first.
-const COARSEST: u32 = 16;
 
 /// Share of all threads' time that finishing films may take: in the first [`YOUNG`] seconds of a render, and later.
 const FINISHING: [f64; 2] = [0.25, 0.1];
@@ -51,8 +47,7 @@ pub(super) struct Renderer<'a> {
     pub(super) file: &'a Path,
     /// Key of the open scene.
     pub(super) key: Option<String>,
-    /// Seconds that the path tracer takes for a pixel.
-    pub(super) cost: f64,
+    pub(super) young: Young,
     /// Choices of pilots by scene and method: another look has no pilot of its own.
     pub(super) choices: HashMap<String, usize>,
 }
@@ -106,7 +101,8 @@ impl Renderer<'_> {
             Some(look) => look,
             None => first_look(&options.spec, scene)?,
         };
-        let (request, left_out) = prepared(&options.spec, look, subject)?;
+        let (mut request, left_out) = prepared(&options.spec, look, subject)?;
+        self.take_choice(&mut request);
         let viewpoint = Viewpoint::new(
             open_scene.clone(),
             request.camera.clone(),
@@ -129,7 +125,7 @@ impl Renderer<'_> {
             state.words_number += 1;
             state.run
         });
-        if !self.previews(&viewpoint, run) {
+        if !self.young.show(hub, &request, &viewpoint, run, None)? {
             return Ok(());
         }
         let other = match options.other_spec()? {
@@ -164,60 +160,6 @@ impl Renderer<'_> {
         Ok(open_scene)
     }
 
-    /// Shows pictures of fewer pixels, each of a quarter of the time of the next; the first is never broken off. False if the
-    /// options have changed.
-    fn previews(&mut self, viewpoint: &Arc<Viewpoint>, run: u64) -> bool {
-        let hub = self.hub;
-        let pixels = f64::from(viewpoint.frame.x) * f64::from(viewpoint.frame.y);
-        let mut scale = 1;
-        while scale < COARSEST && self.cost * pixels / f64::from(scale * scale) > FIRST {
-            scale += 1;
-        }
-        let clock = Instant::now();
-        let mut first = true;
-        while first || scale > 1 {
-            let size = (viewpoint.frame / scale).max(UVec2::ONE);
-            let stop = Stop::when(&hub.disturbed);
-            let window = Window::full(size);
-            let mut view = View::new(
-                &viewpoint.open_scene.opened.scene,
-                &viewpoint.camera,
-                size,
-                window,
-            );
-            if !first {
-                view = view.until(&stop);
-            }
-            let Ok(mut picture) = Picture::blank(size, window, &Amounts::Raw, Recorded::default())
-            else {
-                return true;
-            };
-            let pass = Instant::now();
-            if viewpoint
-                .settings
-                .integrator()
-                .pass(&view, 0..1, &mut picture)
-                == 0
-            {
-                return false;
-            }
-            let took = pass.elapsed().as_secs_f64() / window.len() as f64;
-            // Slowly down: a corner of the scene may be empty.
-            self.cost = took.max(0.8 * self.cost);
-            let seconds = clock.elapsed().as_secs_f64();
-            hub.show(0, preview(viewpoint, run, seconds, size, &picture));
-            if hub.disturbed.load(Ordering::Relaxed) {
-                return false;
-            }
-            first = false;
-            scale = scale.div_ceil(2).min(scale - 1);
-            if scale == 0 {
-                break;
-            }
-        }
-        true
-    }
-
     /// Refines a render, and beside it another one for the same time.
     fn refine(
         &mut self,
@@ -228,9 +170,15 @@ impl Renderer<'_> {
     ) -> Result<(), Fault> {
         let hub = self.hub;
         let over = Arc::new(AtomicBool::new(false));
+        let advised = request.settings.estimator;
         let Some(mut runs) = self.begin(request, other, &over)? else {
             return Ok(());
         };
+        let chosen = &runs[0].request;
+        let is_new = chosen.settings.estimator != advised;
+        if is_new && !self.young.show(hub, chosen, viewpoint, run, Some(HALF))? {
+            return Ok(());
+        }
         let mut showing = showing(&hub.lock());
         while !hub.disturbed.load(Ordering::Relaxed) {
             if runs[0].samples > 0 {
@@ -296,15 +244,12 @@ impl Renderer<'_> {
                 state.words_number += 1;
             });
             let go_on = || !hub.disturbed.load(Ordering::Relaxed);
-            let key = choice_key(&request.spec);
-            if let Some(place) = self.choices.get(&key) {
-                request.take(*place);
-            }
+            self.take_choice(&mut request);
             let Some(begun) = request.begin(&go_on)? else {
                 return Ok(None);
             };
             if let Some(choice) = begun.choice {
-                self.choices.insert(key, choice.best);
+                self.choices.insert(choice_key(&request.spec), choice.best);
             }
             hub.change(|state| {
                 if runs.is_empty() {
@@ -326,6 +271,13 @@ impl Renderer<'_> {
             });
         }
         Ok(Some(runs))
+    }
+
+    /// Gives a request the method that a pilot has chosen for the same options.
+    fn take_choice(&self, request: &mut Request<'_>) {
+        if let Some(place) = self.choices.get(&choice_key(&request.spec)) {
+            request.take(*place);
+        }
     }
 
     /// Shows what is not shown yet, and waits for a change.
@@ -367,7 +319,9 @@ impl Renderer<'_> {
             .offered
             .is_none_or(|at| at.elapsed().as_secs_f64() >= every);
         let wanted = !self.hub.disturbed.load(Ordering::Relaxed);
-        if run.shown == run.samples || !(due || last) || !wanted {
+        // A picture of half the rows is closer than one sample of the whole frame.
+        let old_enough = run.samples > 1 && due;
+        if run.shown == run.samples || !(old_enough || last) || !wanted {
             return;
         }
         (run.offered, run.shown) = (Some(Instant::now()), run.samples);
@@ -516,27 +470,6 @@ fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
     Ok(Look::of(&camera, distance.max(least)))
 }
 
-/// A picture of few pixels.
-fn preview(
-    viewpoint: &Arc<Viewpoint>,
-    run: u64,
-    seconds: f64,
-    size: UVec2,
-    picture: &Picture,
-) -> Snapshot {
-    Snapshot {
-        viewpoint: viewpoint.clone(),
-        run,
-        preview: true,
-        samples: 0,
-        seconds,
-        size,
-        picture: picture.film.mean(),
-        maps: Maps::default(),
-        flip: None,
-    }
-}
-
 /// Says on the terminal too what went wrong.
 fn tracing_line(fault: &Fault) {
     // A message that cannot be written ends no work.
@@ -546,3 +479,6 @@ fn tracing_line(fault: &Fault) {
         fault.message(opsr::render::Names::Flags)
     );
 }
+
+#[cfg(test)]
+mod tests;

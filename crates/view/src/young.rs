@@ -1,0 +1,137 @@
+//! Pictures of fewer pixels than the frame, while a render is young or the camera turns: a few samples, resolved, are closer to the
+//! picture than one sample of the whole frame, which takes as long.
+
+use super::finish::Maps;
+use super::hub::{Hub, Snapshot};
+use super::open_scene::Viewpoint;
+use opsr::image::Buffer;
+use opsr::integrator::{Amounts, Estimator, Picture, Recorded, Settings, Stop};
+use opsr::math::UVec2;
+use opsr::render::{Fault, Request, Shown};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+/// Seconds that the first picture after a change may take, and those of a whole frame that needs none of fewer pixels before it.
+const FIRST: f64 = 0.05;
+const WHOLE: f64 = 0.25;
+
+/// Pixels of a side that become one: at most, and in the last picture before those of the whole frame.
+const COARSEST: u32 = 16;
+pub(super) const HALF: u32 = 2;
+
+/// Samples after which a picture of fewer pixels is shown: the first number of all of them, the others of half the frame's rows.
+/// Resolved, these are closer to the picture than one sample of the whole frame, which takes as long.
+const SHOWN_AT: [u32; 3] = [2, 4, 8];
+
+/// Seconds for a pixel of such a picture before one is known.
+const COST: f64 = 8e-6;
+
+/// Pictures of fewer pixels, and what they cost so far.
+#[derive(Default)]
+pub(super) struct Young {
+    /// Method of the last ones, and seconds that it takes for one of their pixels.
+    pub(super) cost: Option<(Estimator, f64)>,
+}
+
+impl Young {
+    /// Shows pictures of fewer pixels, each of about four times the work of the one before, until whole frames come as fast.
+    ///
+    /// `coarsest` is the number of pixels of a side that become one at first; without it the first picture takes about [`FIRST`],
+    /// and is never broken off. False if the options have changed.
+    pub(super) fn show(
+        &mut self,
+        hub: &Hub,
+        request: &Request<'_>,
+        viewpoint: &Arc<Viewpoint>,
+        run: u64,
+        coarsest: Option<u32>,
+    ) -> Result<bool, Fault> {
+        let settings = settings(request, viewpoint);
+        let known = self.cost.filter(|(of, _)| *of == settings.estimator);
+        let mut cost = known.map_or(COST, |(_, cost)| cost);
+        let mut first = coarsest.is_none();
+        let pixels = viewpoint.frame.as_dvec2().element_product();
+        let least = || (1..COARSEST).find(|s| cost * pixels / f64::from(s * s) <= FIRST);
+        let mut scale = coarsest.unwrap_or_else(|| least().unwrap_or(COARSEST));
+        let denoiser = request.spec.denoiser()?;
+        let clock = Instant::now();
+        while first || scale > 1 && cost * pixels > WHOLE {
+            let size = (viewpoint.frame / scale).max(UVec2::ONE);
+            let stop = Stop::when(&hub.disturbed);
+            let mut view = viewpoint.view(size);
+            if !first {
+                view = view.until(&stop);
+            }
+            let recorded = Recorded {
+                first: denoiser.is_some(),
+                ..Recorded::default()
+            };
+            let blank = Picture::blank(size, view.window, &settings.amounts, recorded);
+            let mut picture = blank.map_err(|e| Fault::option("size", e))?;
+            let mut integrator = settings.integrator();
+            let mut samples = 0;
+            let more = if scale == HALF { SHOWN_AT.len() } else { 1 };
+            for end in SHOWN_AT.into_iter().take(more) {
+                let pass = Instant::now();
+                if integrator.pass(&view, samples..end, &mut picture) < end - samples {
+                    return Ok(false);
+                }
+                let shown = Shown::of(&picture, &request.spec, denoiser.as_ref())?;
+                if samples == 0 {
+                    let took = pass.elapsed().as_secs_f64() / view.window.len() as f64;
+                    // Slowly down: a corner of the scene may be empty.
+                    cost = took.max(0.8 * cost);
+                    self.cost = Some((settings.estimator, cost));
+                }
+                samples = end;
+                let seconds = clock.elapsed().as_secs_f64();
+                let snapshot = preview(viewpoint, run, seconds, size, shown.picture);
+                hub.show(0, snapshot);
+                if hub.disturbed.load(Ordering::Relaxed) {
+                    return Ok(false);
+                }
+            }
+            first = false;
+            scale = scale.div_ceil(2).min(scale - 1);
+        }
+        Ok(true)
+    }
+}
+
+/// Settings of pictures of fewer pixels: those of the render, and of the path tracer in place of estimators that learn or seek
+/// before their first sample, or need many.
+pub(super) fn settings(request: &Request<'_>, viewpoint: &Viewpoint) -> Settings {
+    use Estimator::{Bdpt, Path, Vcm, VcmNee};
+    match request.settings.estimator {
+        Path { .. } | Bdpt | Vcm(_) | VcmNee(_) => request.settings.clone(),
+        _ => Settings {
+            amounts: match request.spec.is_raw() {
+                true => Amounts::Raw,
+                false => Amounts::Blurred,
+            },
+            ..viewpoint.settings.clone()
+        },
+    }
+}
+
+/// A picture of few pixels.
+fn preview(
+    viewpoint: &Arc<Viewpoint>,
+    run: u64,
+    seconds: f64,
+    size: UVec2,
+    picture: Buffer,
+) -> Snapshot {
+    Snapshot {
+        viewpoint: viewpoint.clone(),
+        run,
+        preview: true,
+        samples: 0,
+        seconds,
+        size,
+        picture,
+        maps: Maps::default(),
+        flip: None,
+    }
+}
