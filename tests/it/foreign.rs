@@ -6,6 +6,7 @@ mod lights;
 mod models;
 mod names;
 mod nearest;
+mod subdivision;
 
 use super::support::render::{film_with, mean};
 use crate::support::root;

@@ -102,6 +102,54 @@ fn foreign_mappings_of_pbrt_are_named() {
     }
 }
 
+/// A control mesh is shown as its limit surface, with the front where pbrt has it: on the clockwise side.
+#[test]
+fn foreign_subdivision_of_pbrt_is_made() {
+    let cube = "\"point3 P\" [ 0 0 0  1 0 0  0 1 0  1 1 0  0 0 1  1 0 1  0 1 1  1 1 1 ] \"integer indices\" \
+        [ 0 2 1 1 2 3  4 5 6 5 7 6  0 1 4 1 5 4  2 6 3 3 6 7  0 4 2 2 4 6  1 3 5 3 7 5 ]";
+    let volume = |more: &str| {
+        let text = format!("WorldBegin Shape \"loopsubdiv\" {cube} {more}");
+        let loaded = silent(&text, &[]);
+        let mesh = &loaded.parts.meshes[0];
+        assert_eq!(mesh.normals.len(), mesh.positions.len());
+        let part = |face: &[u32; 3]| {
+            let [a, b, c] = face.map(|i| mesh.positions[i as usize]);
+            a.cross(b).dot(c) / 6.0
+        };
+        (
+            mesh.indices.len(),
+            mesh.indices.iter().map(part).sum::<f32>(),
+        )
+    };
+    let (count, three) = volume("");
+    assert_eq!(count, 12 * 64);
+    let (same, again) = volume("\"integer nlevels\" 3");
+    assert_eq!((same, again), (count, three));
+    let (count, five) = volume("\"integer levels\" 5");
+    assert_eq!(count, 12 * 1024);
+    // Inside out, and as large at any level.
+    assert!(
+        three < 0.0 && (three / five - 1.0).abs() < 0.02,
+        "{three} {five}"
+    );
+    let told = |more: &str| message("a.pbrt", &format!("\nShape \"loopsubdiv\" {cube} {more}"));
+    assert!(told("\"integer levels\" 15").contains("line 2: a subdivision of 15 levels"));
+    assert!(told("\"float levels\" 0.5").contains("line 2: a subdivision of 0.5 levels"));
+    let twice = usual(
+        "a.pbrt",
+        &format!(
+            "Shape \"loopsubdiv\" {}",
+            cube.replace("[ 0 2 1 1 2 3", "[ 0 1 2 1 2 3")
+        ),
+    );
+    assert_eq!(
+        twice.warnings,
+        [
+            "line 1: subdivision of what is no surface of one winding is not supported: shown as its control mesh"
+        ]
+    );
+}
+
 /// Materials and objects may be declared after their use; one that never is, is an error where it is used.
 #[test]
 fn foreign_names_of_pbrt_may_be_declared_later() {

@@ -6,6 +6,7 @@ pub mod looks;
 pub mod metals;
 pub mod shapes;
 pub mod sky;
+pub mod subdivision;
 
 use glam::DAffine3;
 use opsr::math::{Rgb, Vec3};

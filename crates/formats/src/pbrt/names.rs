@@ -16,7 +16,7 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("Shape", "trianglemesh", "P N uv st indices", "faceIndices", "S"),
     row("Shape", "bilinearmesh", "P N uv indices emissionfilename", "faceIndices", ""),
     row("Shape", "plymesh", "filename displacement", "displacement.edgelength edgelength", ""),
-    row("Shape", "loopsubdiv", "P indices", "levels scheme", ""),
+    row("Shape", "loopsubdiv", "P indices levels nlevels", "scheme", ""),
     row("Material", ALL, "displacement bumpmap normalmap", "type", ""),
     row("Material", "diffuse", "reflectance", "", "sigma"),
     row("Material", "matte", "Kd", "", "sigma"),

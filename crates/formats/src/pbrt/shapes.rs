@@ -4,7 +4,7 @@ use super::super::{Look, Meant, ply};
 use super::tokens::Parameters;
 use super::{Declared, Scene, lights};
 use crate::build::looks::{self, Paint};
-use crate::build::{Placed, face_normals_outwards, flip, shapes};
+use crate::build::{Placed, face_normals_outwards, flip, shapes, subdivision};
 use glam::{DAffine3, DVec3};
 use opsr::math::{Rgb, Vec2, Vec3, luminance};
 use opsr::scene::load::error::{Result, fault};
@@ -140,13 +140,7 @@ impl Scene<'_> {
                 }
                 patches(parameters)?
             }
-            "loopsubdiv" => {
-                self.context
-                    .nearest(place, "subdivision", "its control mesh")?;
-                let mut mesh = triangles(parameters)?;
-                mesh.normals.clear();
-                mesh
-            }
+            "loopsubdiv" => self.subdivided(parameters)?,
             other => {
                 self.context.left_out(place, format!("shape `{other}`"))?;
                 return Ok(None);
@@ -161,6 +155,29 @@ impl Scene<'_> {
             flip(&mut mesh);
         }
         Ok(Some(self.context.builder.mesh(mesh)))
+    }
+
+    /// The limit surface of a control mesh by Loop's subdivision.
+    fn subdivided(&mut self, parameters: &Parameters) -> Result<Mesh> {
+        let place = &parameters.place;
+        // Version 3 has the second name.
+        let levels = parameters.number("levels", parameters.number("nlevels", 3.0)?)?;
+        let mut control = triangles(parameters)?;
+        let faces = control.indices.len() as f64 * 4f64.powf(levels);
+        if !(levels >= 0.0 && levels.fract() == 0.0 && faces <= f64::from(1 << 26)) {
+            return Err(fault(place, format!("a subdivision of {levels} levels")));
+        }
+        // Edges with their third corners, points, and rings of them.
+        let what = format!("a subdivision into {faces} triangles");
+        opsr::memory::check(what, 200 * faces as u64)?;
+        let finite = control.positions.iter().all(|p| p.is_finite());
+        if finite && let Some(mesh) = subdivision::subdivided(&control, levels as u32) {
+            return Ok(mesh);
+        }
+        let what = "subdivision of what is no surface of one winding";
+        self.context.nearest(place, what, "its control mesh")?;
+        control.normals.clear();
+        Ok(control)
     }
 
     /// Material and mesh of a shape.

@@ -1,0 +1,161 @@
+//! Loop's subdivision of triangle meshes: refined some times, then moved to the limit surface, as pbrt does `[PBRT3 §3.8]`.
+
+use opsr::math::Vec3;
+use opsr::scene::mesh::Mesh;
+use std::collections::HashMap;
+use std::f32::consts::{PI, TAU};
+
+/// Neighbours of a vertex, counter-clockwise; from one end of the boundary to the other for a vertex on it.
+struct Ring {
+    around: Vec<u32>,
+    open: bool,
+}
+
+/// Third corners of faces by their edges, in the direction of the face.
+type Corners = HashMap<[u32; 2], u32>;
+
+/// The edges of faces, and the rings of all vertices. `None` if two faces have an edge in one direction, or if the faces at a vertex are
+/// not one fan: the mesh is no surface, or its windings differ.
+fn links(count: usize, faces: &[[u32; 3]]) -> Option<(Corners, Vec<Ring>)> {
+    let mut corners = Corners::with_capacity(3 * faces.len());
+    // A neighbour of each vertex, and the number of its faces.
+    let mut first = vec![(0, 0); count];
+    for &[a, b, c] in faces {
+        for (v, next, third) in [(a, b, c), (b, c, a), (c, a, b)] {
+            let is_new = v != next && corners.insert([v, next], third).is_none();
+            is_new.then_some(())?;
+            first[v as usize] = (next, first[v as usize].1 + 1);
+        }
+    }
+    let ring = |(v, &(start, faces)): (usize, &(u32, usize))| {
+        let v = v as u32;
+        let (mut around, mut at, mut open) = (Vec::new(), start, faces == 0);
+        // Clockwise to the end of a boundary, or once around.
+        for _ in 0..faces {
+            match corners.get(&[at, v]) {
+                Some(&before) => at = before,
+                None => open = true,
+            }
+        }
+        let begin = at;
+        for _ in 0..faces {
+            around.push(at);
+            at = *corners.get(&[v, at])?;
+        }
+        if open && faces > 0 {
+            around.push(at);
+        }
+        // Faces of another fan were not met.
+        let whole = open || (at == begin && around[1..].iter().all(|&other| other != begin));
+        whole.then_some(Ring { around, open })
+    };
+    let rings: Option<Vec<Ring>> = first.iter().enumerate().map(ring).collect();
+    Some((corners, rings?))
+}
+
+/// A vertex among its neighbours: (1 − n β) v + β Σ pᵢ, on a boundary of those along it alone.
+fn among(points: &[Vec3], v: usize, ring: &Ring, inner: impl Fn(f32) -> f32, edge: f32) -> Vec3 {
+    let p = points[v];
+    let at = |i: &u32| points[*i as usize];
+    match (ring.open, ring.around.as_slice()) {
+        (true, [a, .., b]) => (1.0 - 2.0 * edge) * p + edge * (at(a) + at(b)),
+        (true, _) => p,
+        (false, around) => {
+            let n = around.len() as f32;
+            let beta = inner(n);
+            (1.0 - n * beta) * p + beta * around.iter().map(at).sum::<Vec3>()
+        }
+    }
+}
+
+/// Warren's weight of a neighbour: 3/16 at three of them, 1/16 at six.
+fn beta(n: f32) -> f32 {
+    if n == 3.0 {
+        3.0 / 16.0
+    } else {
+        3.0 / (8.0 * n)
+    }
+}
+
+/// Points and faces of the next level.
+fn refined(
+    points: &[Vec3],
+    faces: &[[u32; 3]],
+    corners: &Corners,
+    rings: &[Ring],
+) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let even = rings.iter().enumerate();
+    let mut next: Vec<Vec3> = even
+        .map(|(v, ring)| among(points, v, ring, beta, 0.125))
+        .collect();
+    let mut middles = HashMap::new();
+    let mut middle = |a: u32, b: u32, c: u32| {
+        *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+            let at = |i: u32| points[i as usize];
+            next.push(match corners.get(&[b, a]) {
+                Some(&d) => 0.375 * (at(a) + at(b)) + 0.125 * (at(c) + at(d)),
+                None => 0.5 * (at(a) + at(b)),
+            });
+            next.len() as u32 - 1
+        })
+    };
+    let mut out = Vec::with_capacity(4 * faces.len());
+    for &[a, b, c] in faces {
+        let [d, e, f] = [middle(a, b, c), middle(b, c, a), middle(c, a, b)];
+        out.extend([[a, d, f], [d, b, e], [f, e, c], [d, e, f]]);
+    }
+    (next, out)
+}
+
+/// The normal of the limit surface, away from the side on which the faces are counter-clockwise, as pbrt has it.
+fn normal(points: &[Vec3], v: usize, ring: &Ring) -> Vec3 {
+    let around: Vec<Vec3> = (ring.around.iter())
+        .map(|&i| points[i as usize] - points[v])
+        .collect();
+    let n = around.len();
+    let weighted = |weight: &dyn Fn(f32) -> f32| -> Vec3 {
+        let terms = around.iter().enumerate();
+        terms.map(|(k, p)| weight(k as f32) * *p).sum()
+    };
+    let (s, t) = match (ring.open, around.as_slice()) {
+        (false, _) => {
+            let turn = TAU / n as f32;
+            (
+                weighted(&|k| (turn * k).cos()),
+                weighted(&|k| (turn * k).sin()),
+            )
+        }
+        (true, [a, b]) => (*a - *b, *a + *b),
+        (true, [a, b, c]) => (*a - *c, *b),
+        (true, [a, b, c, d]) => (*a - *d, 2.0 * (*b + *c) - *a - *d),
+        (true, [a, .., b]) => {
+            let turn = PI / (n - 1) as f32;
+            let inner = weighted(&|k| (2.0 - 2.0 * turn.cos()) * (turn * k).sin());
+            (*a - *b, inner - turn.sin() * (*a + *b))
+        }
+        (true, _) => (Vec3::ZERO, Vec3::ZERO),
+    };
+    t.cross(s).normalize_or_zero()
+}
+
+/// The positions and faces of a mesh, refined `levels` times, with its vertices and normals on the limit surface. `None` if it is no
+/// surface of one winding.
+pub fn subdivided(mesh: &Mesh, levels: u32) -> Option<Mesh> {
+    let (mut points, mut faces) = (mesh.positions.clone(), mesh.indices.clone());
+    let (mut corners, mut rings) = links(points.len(), &faces)?;
+    for _ in 0..levels {
+        (points, faces) = refined(&points, &faces, &corners, &rings);
+        (corners, rings) = links(points.len(), &faces)?;
+    }
+    let all = || rings.iter().enumerate();
+    let gamma = |n: f32| 1.0 / (n + 3.0 / (8.0 * beta(n)));
+    let limit: Vec<Vec3> = all()
+        .map(|(v, ring)| among(&points, v, ring, gamma, 0.2))
+        .collect();
+    Some(Mesh {
+        normals: all().map(|(v, ring)| normal(&limit, v, ring)).collect(),
+        positions: limit,
+        indices: faces,
+        ..Mesh::default()
+    })
+}
