@@ -404,10 +404,12 @@ impl Context {
         pose: &DAffine3,
     ) -> (u32, u32) {
         if look.bump.is_some() || look.material.normal_texture.is_some() {
-            mesh = self.with_tangents(mesh);
+            let heights = look.bump.and_then(|heights| heights.map);
+            let second = heights.is_some_and(|map| map.second);
+            mesh = self.with_tangents(mesh, second);
             if let Some(heights) = look.bump {
                 let scale = pose.matrix3.determinant().abs().cbrt() as f32;
-                let steps = uv_steps(self.builder.mesh_mut(mesh), scale);
+                let steps = uv_steps(self.builder.mesh_mut(mesh), second, scale);
                 key += &format!(" bump {steps:?}");
                 if !self.materials.contains_key(&key) {
                     self.bump(&mut look.material, heights, &[steps]);
@@ -421,14 +423,19 @@ impl Context {
         (*material, mesh)
     }
 
-    /// A mesh with tangents, made once.
-    fn with_tangents(&mut self, mesh: u32) -> u32 {
-        let key = format!("tangents {mesh}");
+    /// A mesh with tangents by the first or the second pair of its coordinates, made once.
+    fn with_tangents(&mut self, mesh: u32, second: bool) -> u32 {
+        let key = format!("tangents {mesh} {second}");
         if let Some(&known) = self.meshes.get(&key) {
             return known;
         }
         let mut copy = self.builder.mesh_mut(mesh).clone();
+        let first = copy.uvs.clone();
+        if second {
+            copy.uvs.clone_from(&copy.second_uvs);
+        }
         right_handed_tangents(&mut copy);
+        copy.uvs = first;
         let copy = self.builder.mesh(copy);
         self.meshes.insert(key, copy);
         copy
@@ -457,11 +464,12 @@ fn film_side(name: &str, n: f64, place: &str) -> Result<u32> {
 
 /// Lengths of a step of one in u and in v on a mesh at a scale: means over its area. The length in v is negative if u and v make
 /// a left-handed frame with the normal.
-fn uv_steps(mesh: &Mesh, scale: f32) -> [f32; 2] {
+fn uv_steps(mesh: &Mesh, second: bool, scale: f32) -> [f32; 2] {
+    let uvs = if second { &mesh.second_uvs } else { &mesh.uvs };
     let mut sums = [0.0f64; 3];
     for face in &mesh.indices {
         let corner = |k: usize| mesh.positions.get(face[k] as usize).copied();
-        let uv = |k: usize| mesh.uvs.get(face[k] as usize).copied();
+        let uv = |k: usize| uvs.get(face[k] as usize).copied();
         let (Some(a), Some(b), Some(c)) = (corner(0), corner(1), corner(2)) else {
             continue;
         };

@@ -99,6 +99,7 @@ mod tests {
     fn names_are_read_as_their_tables_say() {
         let of_pbrt = [
             include_str!("pbrt/lights.rs"),
+            include_str!("pbrt/mappings.rs"),
             include_str!("pbrt/materials.rs"),
             include_str!("pbrt/media.rs"),
             include_str!("pbrt/mod.rs"),

@@ -2,7 +2,7 @@
 
 use super::nearest::{png, usual, with_files, xml};
 use super::{message, read};
-use opsr::math::{Rgb, Vec3};
+use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::camera::Projection;
 use opsr::scene::load::{Loaded, Unsupported};
 use opsr::scene::{Material, Scene};
@@ -81,25 +81,122 @@ fn foreign_options_of_pbrt_are_known_by_name() {
     );
 }
 
-/// Mappings that are not read are named and shown by (u, v), with all of their parameters.
+/// Coordinates by position are a mesh's second pair, in the space of the texture: those of pbrt's book at every corner, and near to them in
+/// the middle of every face, without a jump where they go round `[PBRT4 §10.2]`.
 #[test]
-fn foreign_mappings_of_pbrt_are_named() {
-    let plane = "planar\" \"vector3 v1\" [ 1 0 0 ] \"vector3 v2\" [ 0 1 0 ] \"float udelta\" 0.5 \"float vdelta\" 1";
-    for (name, mapping) in [
-        ("planar", plane),
-        ("spherical", "spherical\""),
-        ("cylindrical", "cylindrical\""),
+fn foreign_mappings_of_pbrt_are_coordinates_of_their_meshes() {
+    use std::f32::consts::{PI, TAU};
+    let plane = "planar\" \"vector3 v1\" [ 1 0 2 ] \"vector3 v2\" [ 0 -1 0 ] \"float udelta\" 0.5";
+    let square = "trianglemesh\" \"point3 P\" [ -1 -1 0.5  2 -1 0  2 1 0  -1 1 0.5 ] \"integer indices\" [ 0 1 2 0 2 3 ]";
+    let planar = |p: Vec3| (0.5 + p.x + 2.0 * p.z, -p.y);
+    let spherical = |p: Vec3| {
+        let round = p.y.atan2(p.x) / TAU;
+        (
+            (p.z / p.length()).acos() / PI,
+            if round < 0.0 { round + 1.0 } else { round },
+        )
+    };
+    let cylindrical = |p: Vec3| (0.5 + p.y.atan2(p.x) / TAU, p.z);
+    let old = |p: Vec3| (0.5 + p.y.atan2(p.x) / TAU, p.z / p.length());
+    let close = |found: Vec2, (s, t): (f32, f32), within: f32, what: &str| {
+        let apart = found - Vec2::new(s, t);
+        let apart = (apart - apart.round()).abs().max_element();
+        assert!(apart < within, "{what}: {found} {s} {t}");
+    };
+    for (film, mapping, map) in [
+        ("", plane, &planar as &dyn Fn(Vec3) -> (f32, f32)),
+        ("", "spherical\"", &spherical),
+        ("", "cylindrical\"", &cylindrical),
+        ("Film \"image\"\n", "cylindrical\"", &old),
     ] {
-        for class in ["checkerboard\"", "imagemap\" \"string filename\" \"a.png\""] {
+        for shape in ["sphere\"", square] {
             let text = format!(
-                "WorldBegin Texture \"a\" \"spectrum\" \"{class} \"string mapping\" \"{mapping}"
+                "{film}WorldBegin AttributeBegin Translate 3 0 0 Scale 2 1 1\n\
+                 Texture \"a\" \"spectrum\" \"checkerboard\" \"string mapping\" \"{mapping} AttributeEnd\n\
+                 Translate 3.1 0 0.2 Material \"diffuse\" \"texture reflectance\" \"a\" Shape \"{shape}"
             );
-            let files = [("a.png", png(5, 4))];
-            let loaded = with_files("a.pbrt", &text, &files, Unsupported::Nearest);
-            let line = format!("line 1: mapping `{name}` is not supported: shown as `uv`");
-            assert_eq!(loaded.expect("a scene").warnings, [line]);
+            let loaded = silent(&text, &[]);
+            let map_used = last(&loaded).base_color_texture.expect("a texture");
+            assert!(map_used.second && last(&loaded).finish.as_ref().expect("one").has_second_uvs);
+            let mesh = &loaded.parts.meshes[0];
+            for face in &mesh.indices {
+                let corners = face.map(|i| mesh.positions[i as usize]);
+                let uvs = face.map(|i| mesh.second_uvs[i as usize]);
+                // To the texture's space.
+                let at = |p: Vec3| (p - 3.0 * Vec3::X) / Vec3::new(2.0, 1.0, 1.0);
+                let middle = at(corners.iter().sum::<Vec3>() / 3.0);
+                if mapping == plane || middle.truncate().length() > 0.05 {
+                    let size = |uv: Vec2| mapping == plane || uv.abs().max_element() < 0.3;
+                    assert!(
+                        size(uvs[1] - uvs[0]) && size(uvs[2] - uvs[0]),
+                        "{mapping} {uvs:?}"
+                    );
+
+                    corners
+                        .iter()
+                        .zip(uvs)
+                        .for_each(|(&p, uv)| close(uv, map(at(p)), 1e-3, mapping));
+                    close(uvs.iter().sum::<Vec2>() / 3.0, map(middle), 4e-3, mapping);
+                }
+            }
         }
     }
+}
+
+/// The mapping of the base colour wins over another, and coordinates of the mesh stay beside it.
+#[test]
+fn foreign_mappings_of_pbrt_meet_in_one_material() {
+    let files = [("a.png", png(5, 4))];
+    let texture = |name: &str, more: &str| {
+        format!("Texture \"{name}\" \"float\" \"imagemap\" \"string filename\" \"a.png\" {more}\n")
+    };
+    let text = format!(
+        "WorldBegin\n{}{}{}",
+        texture("uv", ""),
+        texture("plane", "\"string mapping\" \"planar\""),
+        texture("ball", "\"string mapping\" \"spherical\"")
+    );
+    let scene = |more: &str| {
+        with_files(
+            "a.pbrt",
+            &format!("{text}{more}"),
+            &files,
+            Unsupported::Nearest,
+        )
+        .expect("a scene")
+    };
+    let both = scene(
+        "Material \"diffuse\" \"texture reflectance\" \"plane\" \"texture displacement\" \"uv\"\nShape \"disk\"",
+    );
+    assert!(both.warnings.is_empty(), "{:?}", both.warnings);
+    let mesh = &both.parts.meshes[0];
+    assert!(last(&both).normal_texture.is_some_and(|map| !map.second));
+    for (p, uv) in mesh.positions.iter().zip(&mesh.second_uvs) {
+        assert!(p.truncate().distance(*uv) < 1e-6);
+    }
+    assert!(mesh.uvs.iter().any(|uv| uv.y == 1.0));
+    let two = scene(
+        "Material \"diffuse\" \"texture reflectance\" \"plane\" \"texture displacement\" \"ball\"\nShape \"disk\"",
+    );
+    let said = "line 5: a second mapping of one surface is not supported: shown as the first";
+    assert_eq!(two.warnings, [said]);
+    assert_eq!(two.parts.meshes[0].second_uvs, mesh.second_uvs);
+    // Bumps along x by a mapping are tilted along x, whatever the disk's own coordinates are.
+    let bumps = scene("Material \"diffuse\" \"texture displacement\" \"plane\"\nShape \"disk\"");
+    assert!(last(&bumps).normal_texture.is_some_and(|map| map.second));
+    let tangents = &bumps.parts.meshes[0].tangents;
+    assert!(
+        tangents
+            .iter()
+            .all(|t| t.truncate().distance(Vec3::X) < 1e-5)
+    );
+    let object = scene(
+        "ObjectBegin \"o\"\nMaterial \"diffuse\" \"texture reflectance\" \"ball\"\nShape \"disk\" ObjectEnd\nObjectInstance \"o\"",
+    );
+    assert_eq!(
+        object.warnings,
+        ["line 7: a mapping of an object stays with it: pbrt's stays in the world"]
+    );
 }
 
 /// A control mesh is shown as its limit surface, with the front where pbrt has it: on the clockwise side.

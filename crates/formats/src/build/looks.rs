@@ -309,7 +309,7 @@ impl Builder {
         };
         let holes = self.parts.textures[map.texture as usize].clone();
         let base = match material.base_color_texture {
-            Some(base) if base.transform != map.transform => {
+            Some(base) if (base.transform, base.second) != (map.transform, map.second) => {
                 return Err("an opacity map with other coordinates than the colour's");
             }
             Some(base) => Some(self.parts.textures[base.texture as usize].clone()),

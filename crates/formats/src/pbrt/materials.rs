@@ -27,13 +27,15 @@ impl Scene<'_> {
     /// The look of a declared material.
     pub(super) fn look(&mut self, declared: &Rc<Declared>, depth: usize) -> Result<Look> {
         let address = Rc::as_ptr(declared).addr();
-        if let Some(look) = self.looks.get(&address) {
-            return Ok(look.clone());
+        if let Some((look, mapping)) = self.looks.get(&address).cloned() {
+            self.takes(mapping, &declared.parameters.place)?;
+            return Ok(look);
         }
         let parameters = &declared.parameters;
         if depth > 16 {
             return Err(fault(&parameters.place, "a mixture that holds itself"));
         }
+        let before = self.mapping.take();
         let mut look = Look {
             material: self.material(&declared.kind, parameters, depth)?,
             bump: None,
@@ -62,7 +64,12 @@ impl Scene<'_> {
         }
         // The address stays that of this declaration.
         self.kept.push(declared.clone());
-        self.looks.insert(address, look.clone());
+        let own = std::mem::replace(&mut self.mapping, before);
+        if own.is_some() {
+            look.material.finish_mut().has_second_uvs = true;
+        }
+        self.takes(own, &parameters.place)?;
+        self.looks.insert(address, (look.clone(), own));
         Ok(look)
     }
 
@@ -280,6 +287,14 @@ impl Scene<'_> {
                 Meant::Reflected,
             )?),
             false => self.paint(parameters, "amount", Paint::from(0.5))?,
+        };
+        let amount = match amount.map {
+            // Shares have the first pair of coordinates.
+            Some(map) if map.second => {
+                (self.context).nearest(place, "a mapping of `amount`", "its mean")?;
+                Paint::plain(self.context.builder.mean(amount))
+            }
+            _ => amount,
         };
         let second = looks.pop().unwrap_or_default();
         let first = looks.pop().unwrap_or_default();

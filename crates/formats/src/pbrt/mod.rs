@@ -1,6 +1,7 @@
 //! Scenes of pbrt-v4 (`.pbrt`).
 
 mod lights;
+mod mappings;
 mod materials;
 mod media;
 pub(super) mod names;
@@ -13,6 +14,7 @@ use super::media::Named;
 use super::{Context, Look, Member, unpacked};
 use crate::build::looks::Paint;
 use glam::{DAffine3, DMat3, DMat4, DVec3, DVec4};
+use mappings::Mapping;
 use opsr::scene::load::error::{Result, fault};
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -61,13 +63,16 @@ struct Scene<'a> {
     stack: Vec<(State, char)>,
     coordinates: HashMap<String, DMat4>,
     materials: HashMap<String, Rc<Declared>>,
-    textures: HashMap<String, Paint>,
-    spectrum_textures: HashMap<String, Paint>,
+    /// Textures, each with the mapping that its second pair of coordinates is by.
+    textures: HashMap<String, (Paint, Option<Mapping>)>,
+    spectrum_textures: HashMap<String, (Paint, Option<Mapping>)>,
+    /// Mapping of what is read at present.
+    mapping: Option<Mapping>,
     media: HashMap<String, Named>,
     /// Shapes of objects by name: mesh, material, pose.
     objects: HashMap<String, Rc<Vec<Member>>>,
     object: Option<(String, Vec<Member>)>,
-    looks: HashMap<usize, Look>,
+    looks: HashMap<usize, (Look, Option<Mapping>)>,
     /// Declarations and lights that looks are known by: their addresses must stay theirs.
     kept: Vec<Rc<Declared>>,
     lights_kept: Vec<Rc<Parameters>>,
@@ -102,6 +107,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         materials: HashMap::new(),
         textures: HashMap::new(),
         spectrum_textures: HashMap::new(),
+        mapping: None,
         media: HashMap::new(),
         objects: HashMap::new(),
         object: None,

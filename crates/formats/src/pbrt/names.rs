@@ -45,9 +45,9 @@ pub(in super::super) const NAMES: &[Names] = &[
     // The last kind is the empty one.
     row("Material", "interface none ", "", "", ""),
     row("Texture", "constant", "value", "", ""),
-    row("Texture", "imagemap", "filename wrap encoding gamma filter invert scale mapping uscale vscale udelta vdelta",
-        "trilinear maxanisotropy v1 v2", ""),
-    row("Texture", "checkerboard", "dimension tex1 tex2 mapping uscale vscale udelta vdelta", "aamode v1 v2", ""),
+    row("Texture", "imagemap", "filename wrap encoding gamma filter invert scale mapping uscale vscale udelta vdelta v1 v2",
+        "trilinear maxanisotropy", ""),
+    row("Texture", "checkerboard", "dimension tex1 tex2 mapping uscale vscale udelta vdelta v1 v2", "aamode", ""),
     row("Texture", "scale", "tex scale tex1 tex2", "", ""),
     row("Texture", "mix", "tex1 tex2 amount", "", ""),
     row("LightSource", "point", "I scale power from", "", ""),

@@ -189,6 +189,7 @@ impl Scene<'_> {
         pose: &DAffine3,
     ) -> Result<(u32, u32)> {
         let declared = self.state.material.clone();
+        self.mapping = None;
         let mut look = match &declared {
             Some(declared) => self.look(declared, 0)?,
             None => Look::from(looks::diffuse(Paint::from(0.5))),
@@ -228,6 +229,14 @@ impl Scene<'_> {
                 }
             }
         }
+        let mapping = self.mapping.take();
+        let mesh = match mapping {
+            Some(mapping) => {
+                look.material.finish_mut().has_second_uvs = true;
+                self.mapped(mesh, mapping, pose, &parameters.place)?
+            }
+            None => mesh,
+        };
         let sides = self.state.sides;
         key += &format!(" between {sides:?}");
         (self.context).bound(&mut look.material, sides, &parameters.place)?;

@@ -10,6 +10,7 @@ use crate::build::metals;
 use glam::{Affine2, DMat3, DVec3, Mat2, Vec2};
 use opsr::math::Rgb;
 use opsr::scene::load::error::{Result, fault};
+use opsr::scene::material::TextureRef;
 use opsr::scene::texture::Wrap;
 
 /// From a colour space of pbrt to linear Rec. 709, with white kept white: columns (ITU-R BT.2087 for Rec. 2020; Display P3; ACES primaries 0
@@ -148,8 +149,11 @@ impl Scene<'_> {
             return Err(fault(place, format!("`{name}` names no texture")));
         };
         let found = (self.spectrum_textures.get(texture)).or_else(|| self.textures.get(texture));
-        let found = found.copied();
-        found.ok_or_else(|| fault(place, format!("no texture `{texture}`")))
+        let Some(&(paint, mapping)) = found else {
+            return Err(fault(place, format!("no texture `{texture}`")));
+        };
+        self.takes(mapping, place)?;
+        Ok(paint)
     }
 
     /// `Texture`.
@@ -161,6 +165,7 @@ impl Scene<'_> {
         parameters: &Parameters,
     ) -> Result<()> {
         let place = &parameters.place;
+        self.mapping = None;
         let paint = match class {
             "constant" => self.paint(parameters, "value", Paint::from(1.0))?,
             "imagemap" => self.image(parameters)?,
@@ -211,9 +216,10 @@ impl Scene<'_> {
                 Paint::from(0.5)
             }
         };
+        let mapping = self.mapping.take();
         match kind {
-            "float" => self.textures.insert(name, paint),
-            _ => self.spectrum_textures.insert(name, paint),
+            "float" => self.textures.insert(name, (paint, mapping)),
+            _ => self.spectrum_textures.insert(name, (paint, mapping)),
         };
         Ok(())
     }
@@ -245,17 +251,21 @@ impl Scene<'_> {
                 None
             }
         };
+        // Images have v = 0 at the bottom.
+        let (upward, second) = self.upward(parameters)?;
+        let down =
+            Affine2::from_mat2_translation(Mat2::from_diagonal(Vec2::new(1.0, -1.0)), Vec2::Y);
         let how = Use {
             srgb,
             wrap: [wrap; 2],
             nearest: parameters.text("filter")? == Some("point"),
             invert: parameters.flag("invert", false)?,
-            transform: self.mapping(parameters)?,
+            transform: down * upward,
         };
         let paint = self.context.texture(name, how, place)?;
         Ok(Paint {
             factor: paint.factor * parameters.number("scale", 1.0)? as f32,
-            ..paint
+            map: paint.map.map(|map| TextureRef { second, ..map }),
         })
     }
 
@@ -272,32 +282,15 @@ impl Scene<'_> {
         let second = self.colour(parameters, "tex2", Rgb::ZERO, Meant::Reflected)?;
         let most = first.max(second).max_element().max(1.0);
         // Ours has two fields a side, pbrt's one for each unit; both begin with the first at the origin, v upwards.
-        let transform = Affine2::from_scale(Vec2::splat(0.5)) * self.upward(parameters)?;
+        let (upward, by_mapping) = self.upward(parameters)?;
+        let transform = Affine2::from_scale(Vec2::splat(0.5)) * upward;
         let map = (self.context.builder).chessboard([first / most, second / most], transform);
         Ok(Paint {
             factor: Rgb::splat(most),
-            map: Some(map),
+            map: Some(TextureRef {
+                second: by_mapping,
+                ..map
+            }),
         })
-    }
-
-    /// The (u, v) mapping.
-    fn upward(&mut self, parameters: &Parameters) -> Result<Affine2> {
-        let place = &parameters.place;
-        let mapping = parameters.text("mapping")?.unwrap_or("uv");
-        if mapping != "uv" {
-            self.context
-                .nearest(place, format!("mapping `{mapping}`"), "`uv`")?;
-        }
-        let of = |name: &str, or: f64| parameters.number(name, or).map(|x| x as f32);
-        let scale = Vec2::new(of("uscale", 1.0)?, of("vscale", 1.0)?);
-        let shift = Vec2::new(of("udelta", 0.0)?, of("vdelta", 0.0)?);
-        Ok(Affine2::from_scale_angle_translation(scale, 0.0, shift))
-    }
-
-    /// The same for images, whose v is 0 at the bottom.
-    fn mapping(&mut self, parameters: &Parameters) -> Result<Affine2> {
-        let down =
-            Affine2::from_mat2_translation(Mat2::from_diagonal(Vec2::new(1.0, -1.0)), Vec2::Y);
-        Ok(down * self.upward(parameters)?)
     }
 }
