@@ -2,7 +2,7 @@
 
 use super::Context;
 use crate::build::looks::Paint;
-use glam::Affine2;
+use glam::{Affine2, Vec2};
 use image::ImageFormat;
 use opsr::image::{Buffer, exr};
 use opsr::math::Rgb;
@@ -40,6 +40,20 @@ pub(super) struct Use {
     pub(super) invert: bool,
     /// From the mesh's coordinates to those of the image, whose origin is the top left.
     pub(super) transform: Affine2,
+}
+
+impl Use {
+    /// An image as pbrt has it, with v = 0 at the bottom.
+    pub(super) fn upright(srgb: Option<bool>, wrap: Wrap) -> Self {
+        let down = Vec2::new(1.0, -1.0);
+        Self {
+            srgb,
+            wrap: [wrap; 2],
+            nearest: false,
+            invert: false,
+            transform: Affine2::from_scale_angle_translation(down, 0.0, Vec2::Y),
+        }
+    }
 }
 
 impl Context {

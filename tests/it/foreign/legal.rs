@@ -247,6 +247,40 @@ fn foreign_subdivision_of_pbrt_is_made() {
     );
 }
 
+/// Four colours are blended over [0, 1]², v upwards, and continue at its edges; a mixture by direction is an even one.
+#[test]
+fn foreign_blends_of_pbrt_are_textures() {
+    let texture = |class: &str| {
+        format!(
+            "WorldBegin\nTexture \"a\" \"spectrum\" {class}\nMaterial \"diffuse\" \"texture reflectance\" \"a\"\nShape \"disk\""
+        )
+    };
+    let blend = "\"bilerp\" \"rgb v00\" [ 0 0.5 0 ] \"rgb v10\" [ 1 0.5 0 ] \"rgb v11\" [ 1 2 4 ] \"rgb v01\" [ 0 1 0 ]";
+    let loaded = silent(&texture(blend), &[]);
+    let (map, factor) = (
+        last(&loaded).base_color_texture.expect("a texture"),
+        last(&loaded).base_color,
+    );
+    for (u, v) in [(0.0f32, 0.0f32), (1.0, 0.0), (0.3, 0.6), (0.9, 1.0)] {
+        let uv = map.transform.transform_point2(Vec2::new(u, v));
+        let [r, g, b, _] = loaded.parts.textures[map.texture as usize].sample(uv);
+        let expected = Rgb::new(u, 0.5 * (1.0 - v) + v * (1.0 + u), 4.0 * u * v);
+        assert!(
+            (factor * Rgb::new(r, g, b) - expected).abs().max_element() < 1e-3,
+            "{u} {v}: {r} {g} {b}"
+        );
+    }
+    let mixed = usual(
+        "a.pbrt",
+        &texture("\"directionmix\" \"rgb tex1\" [ 1 0 0 ] \"vector3 dir\" [ 1 0 0 ]"),
+    );
+    assert_eq!(last(&mixed).base_color, Rgb::new(1.0, 0.5, 0.5));
+    assert_eq!(
+        mixed.warnings,
+        ["line 2: texture `directionmix` is not supported: shown as an even mixture"]
+    );
+}
+
 /// Materials and objects may be declared after their use; one that never is, is an error where it is used.
 #[test]
 fn foreign_names_of_pbrt_may_be_declared_later() {

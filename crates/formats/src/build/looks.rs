@@ -6,7 +6,7 @@ use opsr::math::{Rgb, Vec2, luminance};
 use opsr::scene::Material;
 use opsr::scene::finish::{ExactCover, Mix, Translucency};
 use opsr::scene::material::{AlphaMode, TextureRef};
-use opsr::scene::texture::{Texels, Texture};
+use opsr::scene::texture::{Texels, Texture, Wrap};
 
 /// A colour, or a texture times a factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -371,18 +371,31 @@ impl Builder {
         })
     }
 
-    /// A chessboard of two colours with two fields a side, the first at the origin.
-    pub fn chessboard(&mut self, colours: [Rgb; 2], transform: Affine2) -> TextureRef {
+    /// A texture of two by two fields, the first at the origin, then along u: of sharp edges, or blended from middle to middle.
+    pub fn fields(&mut self, colours: [Rgb; 4], sharp: bool, transform: Affine2) -> Paint {
         // Fine enough that interpolation between texels hardly shows at the edges.
-        const SIDE: u32 = 512;
-        let texture = self.baked([SIDE; 2], 3, |uv| {
-            let odd = (uv.x < 0.5) != (uv.y < 0.5);
-            colours[usize::from(odd)].extend(1.0).to_array()
+        let (side, wrap) = if sharp {
+            (512, Wrap::Repeat)
+        } else {
+            (2, Wrap::Clamp)
+        };
+        let most = colours
+            .map(|c| c.max_element())
+            .into_iter()
+            .fold(1.0, f32::max);
+        let texture = self.baked([side; 2], 3, |uv| {
+            let field = usize::from(uv.x >= 0.5) + 2 * usize::from(uv.y >= 0.5);
+            (colours[field] / most).extend(1.0).to_array()
         });
-        TextureRef {
-            texture: self.add_texture(texture),
+        let wrap = [wrap; 2];
+        let map = TextureRef {
+            texture: self.add_texture(Texture { wrap, ..texture }),
             transform,
             second: false,
+        };
+        Paint {
+            factor: Rgb::splat(most),
+            map: Some(map),
         }
     }
 

@@ -70,11 +70,8 @@ fn among(points: &[Vec3], v: usize, ring: &Ring, inner: impl Fn(f32) -> f32, edg
 
 /// Warren's weight of a neighbour: 3/16 at three of them, 1/16 at six.
 fn beta(n: f32) -> f32 {
-    if n == 3.0 {
-        3.0 / 16.0
-    } else {
-        3.0 / (8.0 * n)
-    }
+    let n = if n == 3.0 { 2.0 } else { n };
+    3.0 / (8.0 * n)
 }
 
 /// Points and faces of the next level.
@@ -109,29 +106,22 @@ fn refined(
 
 /// The normal of the limit surface, away from the side on which the faces are counter-clockwise, as pbrt has it.
 fn normal(points: &[Vec3], v: usize, ring: &Ring) -> Vec3 {
-    let around: Vec<Vec3> = (ring.around.iter())
-        .map(|&i| points[i as usize] - points[v])
-        .collect();
-    let n = around.len();
-    let weighted = |weight: &dyn Fn(f32) -> f32| -> Vec3 {
+    let relative = |&i: &u32| points[i as usize] - points[v];
+    let around: Vec<Vec3> = ring.around.iter().map(relative).collect();
+    let n = around.len() as f32;
+    let turn = if ring.open { PI / (n - 1.0) } else { TAU / n };
+    let weighted = |of: fn(f32) -> f32| {
         let terms = around.iter().enumerate();
-        terms.map(|(k, p)| weight(k as f32) * *p).sum()
+        terms.map(|(k, p)| of(turn * k as f32) * *p).sum::<Vec3>()
     };
     let (s, t) = match (ring.open, around.as_slice()) {
-        (false, _) => {
-            let turn = TAU / n as f32;
-            (
-                weighted(&|k| (turn * k).cos()),
-                weighted(&|k| (turn * k).sin()),
-            )
-        }
-        (true, [a, b]) => (*a - *b, *a + *b),
-        (true, [a, b, c]) => (*a - *c, *b),
-        (true, [a, b, c, d]) => (*a - *d, 2.0 * (*b + *c) - *a - *d),
-        (true, [a, .., b]) => {
-            let turn = PI / (n - 1) as f32;
-            let inner = weighted(&|k| (2.0 - 2.0 * turn.cos()) * (turn * k).sin());
-            (*a - *b, inner - turn.sin() * (*a + *b))
+        (false, _) => (weighted(f32::cos), weighted(f32::sin)),
+        (true, &[a, b]) => (a - b, a + b),
+        (true, &[a, b, c]) => (a - c, b),
+        (true, &[a, b, c, d]) => (a - d, 2.0 * (b + c) - a - d),
+        (true, &[a, .., b]) => {
+            let inner = (2.0 - 2.0 * turn.cos()) * weighted(f32::sin);
+            (a - b, inner - turn.sin() * (a + b))
         }
         (true, _) => (Vec3::ZERO, Vec3::ZERO),
     };

@@ -203,14 +203,8 @@ impl Scene<'_> {
             "checkerboard" => {
                 let first = self.colour(texture, &["color0"], Rgb::splat(0.4), meant)?;
                 let second = self.colour(texture, &["color1"], Rgb::splat(0.2), meant)?;
-                let most = first.max(second).max_element().max(1.0);
-                let transform = uv_transform(texture)?;
-                let map =
-                    (self.context.builder).chessboard([first / most, second / most], transform);
-                Ok(Paint {
-                    factor: Rgb::splat(most),
-                    map: Some(map),
-                })
+                let (colours, transform) = ([first, second, second, first], uv_transform(texture)?);
+                Ok((self.context.builder).fields(colours, true, transform))
             }
             "mesh_attribute" => {
                 let name = texture.text("name")?.unwrap_or_default();

@@ -83,7 +83,7 @@ impl Mapping {
 /// Shortest edge that is split, as a part of the diagonal of the mesh.
 const FINEST: f32 = 1.0 / 256.0;
 
-/// A mesh with a mapping's coordinates as its second pair; `None` beyond so many triangles. They are split where the mapping bends between
+/// A mesh with a mapping's coordinates as its second pair; `None` beyond `most` triangles. They are split where the mapping bends between
 /// corners, at the middle of edges, which two faces have in common.
 fn mapped(source: &Mesh, mapping: &Mapping, most: usize) -> Option<Mesh> {
     let ends = |of: fn(Vec3, Vec3) -> Vec3| source.positions.iter().copied().reduce(of);

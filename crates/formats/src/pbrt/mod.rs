@@ -31,7 +31,7 @@ const DECLARATIONS: [&str; 17] = [
 ];
 
 /// Graphics state, which directives set for those that follow.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 struct State {
     pose: DMat4,
     material: Option<Rc<Declared>>,
@@ -91,17 +91,7 @@ struct Scene<'a> {
 pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
     let mut scene = Scene {
         context,
-        state: State {
-            pose: DMat4::IDENTITY,
-            material: None,
-            awaited: None,
-            area_light: None,
-            reversed: false,
-            at_end: false,
-            space: DMat3::IDENTITY,
-            sides: [None; 2],
-            defaults: Vec::new(),
-        },
+        state: State::default(),
         stack: Vec::new(),
         coordinates: HashMap::new(),
         materials: HashMap::new(),

@@ -48,6 +48,8 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("Texture", "imagemap", "filename wrap encoding gamma filter invert scale mapping uscale vscale udelta vdelta v1 v2",
         "trilinear maxanisotropy", ""),
     row("Texture", "checkerboard", "dimension tex1 tex2 mapping uscale vscale udelta vdelta v1 v2", "aamode", ""),
+    row("Texture", "bilerp", "v00 v01 v10 v11 mapping uscale vscale udelta vdelta v1 v2", "", ""),
+    row("Texture", "directionmix", "tex1 tex2", "dir", ""),
     row("Texture", "scale", "tex scale tex1 tex2", "", ""),
     row("Texture", "mix", "tex1 tex2 amount", "", ""),
     row("LightSource", "point", "I scale power from", "", ""),

@@ -1,5 +1,6 @@
 //! Shapes of pbrt.
 
+use super::super::images::Use;
 use super::super::{Look, Meant, ply};
 use super::tokens::Parameters;
 use super::{Declared, Scene, lights};
@@ -10,6 +11,7 @@ use opsr::math::{Rgb, Vec2, Vec3, luminance};
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::material::AlphaMode;
 use opsr::scene::mesh::Mesh;
+use opsr::scene::texture::Wrap;
 use std::f64::consts::PI;
 use std::rc::Rc;
 
@@ -185,7 +187,7 @@ impl Scene<'_> {
         &mut self,
         kind: &str,
         parameters: &Parameters,
-        mesh: u32,
+        mut mesh: u32,
         pose: &DAffine3,
     ) -> Result<(u32, u32)> {
         let declared = self.state.material.clone();
@@ -229,14 +231,10 @@ impl Scene<'_> {
                 }
             }
         }
-        let mapping = self.mapping.take();
-        let mesh = match mapping {
-            Some(mapping) => {
-                look.material.finish_mut().has_second_uvs = true;
-                self.mapped(mesh, mapping, pose, &parameters.place)?
-            }
-            None => mesh,
-        };
+        if let Some(mapping) = self.mapping.take() {
+            look.material.finish_mut().has_second_uvs = true;
+            mesh = self.mapped(mesh, mapping, pose, &parameters.place)?;
+        }
         let sides = self.state.sides;
         key += &format!(" between {sides:?}");
         (self.context).bound(&mut look.material, sides, &parameters.place)?;
@@ -260,16 +258,7 @@ impl Scene<'_> {
                 return Err(fault(place, "has both `L` and an image"));
             }
             let name = name.to_owned();
-            let how = super::super::images::Use {
-                srgb: None,
-                wrap: [opsr::scene::texture::Wrap::Clamp; 2],
-                nearest: false,
-                invert: false,
-                transform: glam::Affine2::from_mat2_translation(
-                    glam::Mat2::from_diagonal(Vec2::new(1.0, -1.0)),
-                    Vec2::Y,
-                ),
-            };
+            let how = Use::upright(None, Wrap::Clamp);
             let paint = self.context.texture(&name, how, place)?;
             radiance *= paint.factor;
             look.material.emissive_texture = paint.map;

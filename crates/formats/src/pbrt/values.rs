@@ -7,7 +7,7 @@ use super::tokens::{Parameter, Parameters, Values};
 use crate::build::colour::{Spectrum, black_body, rec709};
 use crate::build::looks::Paint;
 use crate::build::metals;
-use glam::{Affine2, DMat3, DVec3, Mat2, Vec2};
+use glam::{Affine2, DMat3, DVec3, Vec2};
 use opsr::math::Rgb;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::material::TextureRef;
@@ -194,7 +194,22 @@ impl Scene<'_> {
                     a
                 }
             }
-            "mix" => {
+            "bilerp" => {
+                let mut of = |name: &str, or: f32| {
+                    self.colour(parameters, name, Rgb::splat(or), Meant::Reflected)
+                };
+                let colours = [
+                    of("v00", 0.0)?,
+                    of("v10", 0.0)?,
+                    of("v01", 1.0)?,
+                    of("v11", 1.0)?,
+                ];
+                self.fields(parameters, colours, false)?
+            }
+            "mix" | "directionmix" => {
+                if class != "mix" {
+                    (self.context).nearest(place, "texture `directionmix`", "an even mixture")?;
+                }
                 let [a, b] = [
                     self.paint(parameters, "tex1", Paint::from(0.0))?,
                     self.paint(parameters, "tex2", Paint::from(1.0))?,
@@ -251,16 +266,13 @@ impl Scene<'_> {
                 None
             }
         };
-        // Images have v = 0 at the bottom.
         let (upward, second) = self.upward(parameters)?;
-        let down =
-            Affine2::from_mat2_translation(Mat2::from_diagonal(Vec2::new(1.0, -1.0)), Vec2::Y);
+        let plain = Use::upright(srgb, wrap);
         let how = Use {
-            srgb,
-            wrap: [wrap; 2],
             nearest: parameters.text("filter")? == Some("point"),
             invert: parameters.flag("invert", false)?,
-            transform: down * upward,
+            transform: plain.transform * upward,
+            ..plain
         };
         let paint = self.context.texture(name, how, place)?;
         Ok(Paint {
@@ -280,17 +292,17 @@ impl Scene<'_> {
         }
         let first = self.colour(parameters, "tex1", Rgb::ONE, Meant::Reflected)?;
         let second = self.colour(parameters, "tex2", Rgb::ZERO, Meant::Reflected)?;
-        let most = first.max(second).max_element().max(1.0);
-        // Ours has two fields a side, pbrt's one for each unit; both begin with the first at the origin, v upwards.
-        let (upward, by_mapping) = self.upward(parameters)?;
-        let transform = Affine2::from_scale(Vec2::splat(0.5)) * upward;
-        let map = (self.context.builder).chessboard([first / most, second / most], transform);
-        Ok(Paint {
-            factor: Rgb::splat(most),
-            map: Some(TextureRef {
-                second: by_mapping,
-                ..map
-            }),
-        })
+        self.fields(parameters, [first, second, second, first], true)
+    }
+
+    /// Four colours at the corners of [0, 1]², or in fields of that size.
+    fn fields(&mut self, parameters: &Parameters, colours: [Rgb; 4], sharp: bool) -> Result<Paint> {
+        // Two fields are a side of the texture. Sharp ones begin at 0 and 1, blended ones have their middles there.
+        let shift = if sharp { 0.0 } else { 0.25 };
+        let half = Affine2::from_scale_angle_translation(Vec2::splat(0.5), 0.0, Vec2::splat(shift));
+        let (upward, second) = self.upward(parameters)?;
+        let paint = (self.context.builder).fields(colours, sharp, half * upward);
+        let map = paint.map.map(|map| TextureRef { second, ..map });
+        Ok(Paint { map, ..paint })
     }
 }
