@@ -281,6 +281,37 @@ fn foreign_blends_of_pbrt_are_textures() {
     );
 }
 
+/// Presets of media are those of Jensen et al. 2001; whole milk without one.
+#[test]
+fn foreign_presets_of_media_are_known() {
+    let medium = |more: &str| {
+        let text = format!(
+            "WorldBegin\nMakeNamedMedium \"m\" \"string type\" \"homogeneous\" {more}\n\
+             MediumInterface \"m\" \"\" Material \"interface\" Shape \"sphere\""
+        );
+        let loaded = silent(&text, &[]);
+        let medium = last(&loaded).medium.as_deref().expect("a medium");
+        (medium.scattering, medium.absorption)
+    };
+    let ketchup = (Rgb::new(1.8, 0.7, 0.3), Rgb::new(0.61, 9.7, 14.5));
+    let found = medium("\"string preset\" \"Ketchup\" \"float scale\" 10");
+    assert!(
+        found.0.distance(ketchup.0) < 1e-5 && found.1.distance(ketchup.1) < 1e-5,
+        "{found:?}"
+    );
+    let milk = (Rgb::new(2.55, 3.21, 3.77), Rgb::new(0.0011, 0.0024, 0.014));
+    assert_eq!(medium(""), milk);
+    assert_eq!(medium("\"string preset\" \"\""), milk);
+    let told = message(
+        "a.pbrt",
+        "\nMakeNamedMedium \"m\" \"string type\" \"homogeneous\" \"string preset\" \"Mud\"",
+    );
+    assert!(
+        told.contains("line 2: the preset `Mud` of a medium is not supported"),
+        "{told}"
+    );
+}
+
 /// Materials and objects may be declared after their use; one that never is, is an error where it is used.
 #[test]
 fn foreign_names_of_pbrt_may_be_declared_later() {
