@@ -441,6 +441,17 @@ impl Context {
         copy
     }
 
+    /// Makes a base transmit diffusely beside what it reflects.
+    fn transmit(&mut self, material: &mut Material, transmitted: Paint, place: &str) {
+        let maps = [material.base_color_texture, transmitted.map];
+        let sum = material.base_color + transmitted.factor;
+        if maps == [None; 2] && sum.max_element() > 1.0 + 1e-5 {
+            let what = "reflectance and transmittance of more than 1 together are scaled down";
+            self.approximate(place, what);
+        }
+        build::looks::transmit(material, transmitted);
+    }
+
     /// Gives a material a bump map, by the mean scale of texture coordinates on these meshes.
     fn bump(&mut self, material: &mut Material, heights: Paint, steps: &[[f32; 2]]) {
         let n = steps.len().max(1) as f32;
@@ -451,6 +462,14 @@ impl Context {
         let step = [mean(0), mean(1)];
         material.normal_texture = self.builder.bump_map(heights, step);
         material.normal_scale = 1.0;
+    }
+}
+
+/// An index of refraction, which is above 0.
+fn checked_index(eta: f32, place: &str) -> Result<f32> {
+    match eta.is_finite() && eta > 0.0 {
+        true => Ok(eta),
+        false => Err(fault(place, format!("index of refraction {eta}"))),
     }
 }
 

@@ -312,6 +312,63 @@ fn foreign_presets_of_media_are_known() {
     );
 }
 
+/// Values out of their range are errors, or named if they are shown otherwise.
+#[test]
+fn foreign_values_out_of_range_are_not_let_pass() {
+    let pbrt = |line: &str| format!("WorldBegin\nMaterial {line}\nShape \"disk\"");
+    for (line, words) in [
+        (
+            "\"disney\" \"string thin\" \"true\"",
+            "`thin` is neither true nor false",
+        ),
+        (
+            "\"disney\" \"bool thin\" \"yes\"",
+            "`thin` is neither true nor false",
+        ),
+        ("\"disney\" \"float eta\" -1", "index of refraction 0"),
+        ("\"dielectric\" \"float eta\" 0", "index of refraction 0"),
+    ] {
+        let said = with_files("a.pbrt", &pbrt(line), &[], Unsupported::Nearest).expect_err(line);
+        assert!(said.contains(words) && said.contains("line "), "{said}");
+    }
+    for (kind, values) in [
+        (
+            "dielectric",
+            "<float name=\"int_ior\" value=\"-1.5\"/><float name=\"ext_ior\" value=\"-1\"/>",
+        ),
+        ("plastic", "<float name=\"int_ior\" value=\"0\"/>"),
+        ("thindielectric", "<string name=\"int_ior\" value=\"-1\"/>"),
+        ("principled", "<float name=\"eta\" value=\"-1\"/>"),
+    ] {
+        let text = xml(&format!(
+            "<shape type=\"sphere\"><bsdf type=\"{kind}\">{values}</bsdf></shape>"
+        ));
+        let said = with_files("a.xml", &text, &[], Unsupported::Nearest).expect_err(kind);
+        assert!(said.contains("line 2: index of refraction "), "{said}");
+    }
+    let said = "line 2: reflectance and transmittance of more than 1 together are scaled down";
+    let leaf = |r: f32| {
+        pbrt(&format!(
+            "\"diffusetransmission\" \"float reflectance\" {r} \"float transmittance\" 0.4"
+        ))
+    };
+    assert_eq!(usual("a.pbrt", &leaf(0.7)).warnings, [said]);
+    silent(&leaf(0.6), &[]);
+    let paper = xml(
+        "<shape type=\"sphere\"><bsdf type=\"difftrans\"><rgb name=\"transmittance\" value=\"0.5, 1.5, 0\"/></bsdf></shape>",
+    );
+    assert_eq!(usual("a.xml", &paper).warnings, [said]);
+    let plastic = xml(
+        "<shape type=\"sphere\"><bsdf type=\"pplastic\"><float name=\"alpha\" value=\"0.3\"/></bsdf></shape>",
+    );
+    let plastic = usual("a.xml", &plastic);
+    assert_eq!(last(&plastic).alpha, 0.3);
+    assert_eq!(
+        plastic.warnings,
+        ["line 2: bsdf `pplastic` is not supported: shown as `roughplastic`"]
+    );
+}
+
 /// Materials and objects may be declared after their use; one that never is, is an error where it is used.
 #[test]
 fn foreign_names_of_pbrt_may_be_declared_later() {

@@ -1,6 +1,6 @@
 //! Materials of Mitsuba.
 
-use super::super::{Look, Meant};
+use super::super::{Look, Meant, checked_index};
 use super::Scene;
 use super::xml::{Object, Value};
 use crate::build::looks::{self, Paint};
@@ -52,6 +52,10 @@ impl Scene<'_> {
                 looks::wall(eta, tint, reflected)
             }
             "plastic" | "roughplastic" => self.plastic(bsdf)?,
+            "pplastic" => {
+                (self.context).nearest(place, "bsdf `pplastic`", "`roughplastic`")?;
+                self.plastic(bsdf)?
+            }
             "principled" => self.principled(bsdf)?,
             "principledthin" => {
                 let share = self.colour(bsdf, &["diff_trans"], Rgb::ZERO, Meant::Reflected)?;
@@ -64,7 +68,7 @@ impl Scene<'_> {
             "difftrans" => {
                 let mut material = looks::diffuse(Paint::from(0.0));
                 let transmitted = self.paint(bsdf, &["transmittance"], Paint::from(0.5))?;
-                looks::transmit(&mut material, transmitted);
+                (self.context).transmit(&mut material, transmitted, place);
                 material
             }
             "phong" | "ward" => self.lobe(bsdf)?,
@@ -212,27 +216,24 @@ impl Scene<'_> {
     fn index(&mut self, bsdf: &Object, name: &str, or: &str) -> Result<f32> {
         let text = match bsdf.property(name).map(|p| &p.value) {
             Some(Value::Text(text)) => text.clone(),
-            Some(_) => return Ok(bsdf.number(name, 1.0)? as f32),
+            Some(_) => return checked_index(bsdf.number(name, 1.0)? as f32, &bsdf.place),
             None => or.to_owned(),
         };
         let found = metals::glass(&text).or_else(|| text.trim().parse().ok());
-        found.ok_or_else(|| fault(&bsdf.place, format!("no material `{text}`")))
+        let found = found.ok_or_else(|| fault(&bsdf.place, format!("no material `{text}`")))?;
+        checked_index(found, &bsdf.place)
     }
 
     fn eta(&mut self, bsdf: &Object, inside: &str, outside: &str) -> Result<f32> {
-        let eta = match bsdf.property("eta") {
-            Some(_) => bsdf.number("eta", 1.0)? as f32,
-            None => self.index(bsdf, "int_ior", inside)? / self.index(bsdf, "ext_ior", outside)?,
-        };
-        match eta.is_finite() && eta > 0.0 {
-            true => Ok(eta),
-            false => Err(fault(&bsdf.place, format!("index of refraction {eta}"))),
+        if bsdf.property("eta").is_some() {
+            return self.index(bsdf, "eta", "");
         }
+        Ok(self.index(bsdf, "int_ior", inside)? / self.index(bsdf, "ext_ior", outside)?)
     }
 
     /// Roughness and distribution; the roughness of a map is put into the material.
     fn rough(&mut self, bsdf: &Object, material: &mut Material) -> Result<()> {
-        if !bsdf.plugin.starts_with("rough") {
+        if !bsdf.plugin.starts_with("rough") && bsdf.plugin != "pplastic" {
             return Ok(());
         }
         let own = match bsdf.text("distribution")?.unwrap_or("beckmann") {
@@ -378,7 +379,7 @@ impl Scene<'_> {
         let of = |name: &str, or: f64| bsdf.number(name, or).map(|x| x as f32);
         let specular = of("specular", 0.5)?;
         let ior = match bsdf.property("eta") {
-            Some(_) => of("eta", 1.5)?,
+            Some(_) => checked_index(of("eta", 1.5)?, &bsdf.place)?,
             // F0 = 0.08 specular.
             None => looks::index_of(0.08 * specular.clamp(0.0, 1.0)),
         };

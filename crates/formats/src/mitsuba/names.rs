@@ -25,6 +25,8 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("bsdf", "roughplastic",
         "int_ior ext_ior eta diffuse_reflectance specular_reflectance nonlinear distribution alpha alpha_u alpha_v",
         "sample_visible", ""),
+    row("bsdf", "pplastic", "int_ior ext_ior diffuse_reflectance specular_reflectance distribution alpha alpha_u alpha_v",
+        "sample_visible", ""),
     row("bsdf", "principled", "base_color roughness metallic spec_trans eta specular clearcoat clearcoat_gloss",
         "main_specular_sampling_rate clearcoat_sampling_rate diffuse_reflectance_sampling_rate",
         "anisotropic spec_tint sheen sheen_tint flatness"),

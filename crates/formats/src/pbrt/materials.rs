@@ -1,6 +1,7 @@
 //! Materials of pbrt.
 
-use super::super::{Look, Meant};
+use super::super::images::Use;
+use super::super::{Look, Meant, checked_index};
 use super::tokens::{Parameters, Values};
 use super::{Declared, Scene};
 use crate::build::looks::{self, Paint};
@@ -10,6 +11,7 @@ use opsr::math::Rgb;
 use opsr::scene::Material;
 use opsr::scene::finish::Anisotropy;
 use opsr::scene::load::error::{Result, fault};
+use opsr::scene::texture::Wrap;
 use std::rc::Rc;
 
 /// Roughness below which pbrt's microfacets are a mirror.
@@ -49,16 +51,7 @@ impl Scene<'_> {
             look.bump = heights.map.map(|_| heights);
         }
         if let Some(name) = parameters.text("normalmap")? {
-            let how = super::super::images::Use {
-                srgb: Some(false),
-                wrap: [opsr::scene::texture::Wrap::Repeat; 2],
-                nearest: false,
-                invert: false,
-                transform: glam::Affine2::from_mat2_translation(
-                    glam::Mat2::from_diagonal(glam::Vec2::new(1.0, -1.0)),
-                    glam::Vec2::Y,
-                ),
-            };
+            let how = Use::upright(Some(false), Wrap::Repeat);
             let name = name.to_owned();
             look.material.normal_texture = self.context.texture(&name, how, &parameters.place)?.map;
         }
@@ -127,7 +120,7 @@ impl Scene<'_> {
                 };
                 let (reflected, transmitted) = (of("reflectance")?, of("transmittance")?);
                 let mut material = looks::diffuse(reflected);
-                looks::transmit(&mut material, transmitted);
+                (self.context).transmit(&mut material, transmitted, place);
                 material
             }
             "mix" => self.mixture(parameters, depth)?,
@@ -172,13 +165,7 @@ impl Scene<'_> {
                 colour.element_sum() / 3.0
             }
         };
-        match eta.is_finite() && eta > 0.0 {
-            true => Ok(eta),
-            false => Err(fault(
-                &parameters.place,
-                format!("index of refraction {eta}"),
-            )),
-        }
+        checked_index(eta, &parameters.place)
     }
 
     fn conductor(&mut self, parameters: &Parameters, prefix: &str) -> Result<Material> {
@@ -279,7 +266,7 @@ impl Scene<'_> {
             let known = self.named_material(name, place)?;
             looks.push(self.look(&known, depth + 1)?.material);
         }
-        let amount = match older {
+        let mut amount = match older {
             true => Paint::plain(self.colour(
                 parameters,
                 "amount",
@@ -288,14 +275,11 @@ impl Scene<'_> {
             )?),
             false => self.paint(parameters, "amount", Paint::from(0.5))?,
         };
-        let amount = match amount.map {
+        if amount.map.is_some_and(|map| map.second) {
             // Shares have the first pair of coordinates.
-            Some(map) if map.second => {
-                (self.context).nearest(place, "a mapping of `amount`", "its mean")?;
-                Paint::plain(self.context.builder.mean(amount))
-            }
-            _ => amount,
-        };
+            (self.context).nearest(place, "a mapping of `amount`", "its mean")?;
+            amount = Paint::plain(self.context.builder.mean(amount));
+        }
         let second = looks.pop().unwrap_or_default();
         let first = looks.pop().unwrap_or_default();
         self.context.mixed(first, second, amount, place)

@@ -1,6 +1,6 @@
 //! Materials of pbrt-v3, as the nearest ones of this project.
 
-use super::super::Meant;
+use super::super::{Meant, checked_index};
 use super::Scene;
 use super::tokens::Parameters;
 use crate::build::looks::{self, Paint};
@@ -79,10 +79,11 @@ impl Scene<'_> {
                 };
                 let mut material = looks::glossy(part(reflect), shine * reflect, 1.5);
                 self.roughened(parameters, 0.1, &mut material)?;
-                looks::transmit(&mut material, part(transmit));
+                let place = &parameters.place;
+                (self.context).transmit(&mut material, part(transmit), place);
                 if shine * transmit != Rgb::ZERO {
                     let what = "glossy transmission of `translucent` is left out";
-                    (self.context).approximate(&parameters.place, what);
+                    self.context.approximate(place, what);
                 }
                 material
             }
@@ -168,6 +169,7 @@ impl Scene<'_> {
         };
         let (metallic, roughness) = (of("metallic", 0.0)?, of("roughness", 0.5)?);
         let (through, ior) = (of("spectrans", 0.0)?, of("eta", 1.5)?);
+        let ior = checked_index(ior, place)?;
         let (coat, gloss) = (of("clearcoat", 0.0)?, of("clearcoatgloss", 1.0)?);
         let scattered = of("difftrans", 1.0)?;
         let thin = parameters.flag("thin", false)?;

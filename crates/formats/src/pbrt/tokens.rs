@@ -234,11 +234,12 @@ impl Parameters {
     }
 
     pub(super) fn flag(&self, name: &str, or: bool) -> Result<bool> {
-        match self.get(name).map(|p| &p.values) {
+        match self.get(name).map(|p| (p.kind.as_str(), &p.values)) {
             None => Ok(or),
-            Some(Values::Flags(all)) if all.len() == 1 => Ok(all[0]),
+            Some((_, Values::Flags(all))) if all.len() == 1 => Ok(all[0]),
             // pbrt-v3's way.
-            Some(Values::Texts(all)) if all.len() == 1 => Ok(all[0] == "true"),
+            Some(("bool", Values::Texts(all))) if *all == ["true"] => Ok(true),
+            Some(("bool", Values::Texts(all))) if *all == ["false"] => Ok(false),
             Some(_) => Err(fault(
                 &self.place,
                 format!("`{name}` is neither true nor false"),
