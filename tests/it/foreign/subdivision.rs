@@ -30,6 +30,11 @@ fn vertices_of_any_valence_converge_to_their_limit() {
         for (a, b) in coarse.positions.iter().zip(&finer.positions) {
             assert!(a.distance(*b) < 1e-5, "{n}: {a} {b}");
         }
+        // γ = 1 / (n + 3 / 8β), with β of 3/16 for three neighbours and of 3/8n for others.
+        let gamma = if n == 3 { 0.2 } else { 0.5 / n as f32 };
+        let around: Vec3 = pyramids.positions[..n as usize].iter().sum();
+        let apex = (1.0 - n as f32 * gamma) * pyramids.positions[n as usize] + gamma * around;
+        assert!(coarse.positions[n as usize].distance(apex) < 1e-6, "{n}");
         let fine = subdivided(&pyramids, 4).expect("a surface");
         assert_eq!(fine.indices.len() as u32, 2 * n * 256);
         let mut across = vec![Vec3::ZERO; fine.positions.len()];
@@ -72,11 +77,15 @@ fn boundaries_follow_their_own_rule() {
         .iter()
         .map(|p| [p[0], p[1], 0.3 * p[0] * p[1]])
         .collect();
-    let bent = subdivided(&mesh(&bent, &fan), 0).expect("a surface");
-    let own = |a: Vec3, b: Vec3, c: Vec3| 0.6 * b + 0.2 * (a + c);
+    let bent = mesh(&bent, &fan);
     let z = |i: usize| 0.3 * points[i][0] * points[i][1];
     let at = |i: usize| Vec3::new(points[i][0], points[i][1], z(i));
-    assert!(bent.positions[2].distance(own(at(1), at(2), at(3))) < 1e-6);
+    // Fifths of the neighbours on the boundary at the last level; before it eighths of them, and middles.
+    for (level, own) in [(0, 0.6), (1, 0.65)] {
+        let found = subdivided(&bent, level).expect("a surface").positions[2];
+        let expected = own * at(2) + 0.5 * (1.0 - own) * (at(1) + at(3));
+        assert!(found.distance(expected) < 1e-6, "{level}: {found}");
+    }
     assert!(subdivided(&mesh(&points, &[[0, 1, 2], [0, 1, 3]]), 1).is_none());
     assert!(subdivided(&mesh(&points, &[[0, 1, 2], [0, 3, 4]]), 1).is_none());
 }
