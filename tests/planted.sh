@@ -326,6 +326,10 @@ plant "view: pictures of fewer pixels are raw" crates/view/src/young.rs \
     viewer::work::tests::young_pictures_are_resolved
 plant "view: one sample of a whole frame is shown" crates/view/src/work.rs \
     's/run\.samples > 1 && due/due/' viewer::work::tests::first_sample_of_a_frame_waits_for_the_second
+plant "drive: errors are estimated at every number of samples" src/integrator/drive.rs \
+    's/error \* fall\(self\.next\) > limit\.bound/false/' stop::errors_are_estimated_where_they_may_be_low_enough
+plant "drive: a resumed render estimates no error where it stands" src/integrator/drive.rs \
+    's/while next < samples/while next <= samples/' stop::errors_are_estimated_where_they_may_be_low_enough
 plant "view: the floor is an object" crates/view/src/open_scene.rs \
     's/\(!is_floor\)\.then_some/(true || is_floor).then_some/' view::view_knows_the_objects_of_a_studio
 plant "merges: lights allow them" src/integrator/bidirectional/walk.rs \

@@ -46,7 +46,7 @@ pub struct RenderProgress {
     pub elapsed: Duration,
     /// Part of the budget that is spent, in [0, 1]; `None` without a budget.
     pub fraction: Option<f64>,
-    /// Estimated relative error; only computed for a budget that needs it.
+    /// Estimated relative error when it was estimated last; only for a budget that needs it.
     pub error: Option<f64>,
 }
 
@@ -60,6 +60,70 @@ impl RenderProgress {
 
 /// Fewer samples estimate their own noise too badly to stop on.
 const MIN_SAMPLES_FOR_ERROR: u32 = 16;
+
+/// Estimates of a picture's error, each of which costs as much as some samples: at numbers of samples that grow by a quarter, of
+/// which those are left out that cannot have the error of the bound by the estimate before.
+struct Estimates {
+    limit: Option<ErrorBound>,
+    /// Samples of the next one.
+    next: u32,
+    /// The latest, and its samples.
+    latest: Option<(u32, f64)>,
+}
+
+impl Estimates {
+    /// Least factor of the error while the samples grow by n, times the root of n: 1 for noise, less for doubt.
+    const LEAST_FALL: f64 = 0.8;
+
+    /// For a picture that has these samples.
+    fn new(limit: Option<ErrorBound>, samples: u32) -> Self {
+        let mut next = if limit.is_some() {
+            MIN_SAMPLES_FOR_ERROR
+        } else {
+            u32::MAX
+        };
+        while next < samples {
+            next = Self::beyond(next);
+        }
+        Self {
+            limit,
+            next,
+            latest: None,
+        }
+    }
+
+    fn beyond(samples: u32) -> u32 {
+        samples.saturating_add(samples / 4)
+    }
+
+    /// Estimates the error of a picture with these samples, if it is time to.
+    fn look(&mut self, samples: u32, picture: &Picture) {
+        if let Some(limit) = self.limit.filter(|_| samples == self.next) {
+            let error = (limit.estimate)(picture);
+            let fall = |next: u32| Self::LEAST_FALL * (f64::from(samples) / f64::from(next)).sqrt();
+            self.next = Self::beyond(samples);
+            while error.is_finite() && error * fall(self.next) > limit.bound && self.next < u32::MAX
+            {
+                self.next = Self::beyond(self.next);
+            }
+            self.latest = Some((samples, error));
+        }
+    }
+
+    /// The latest estimate.
+    fn error(&self) -> Option<f64> {
+        self.latest.map(|(_, error)| error)
+    }
+
+    /// Part of the samples that the bound needs, since noise falls with their root.
+    fn fraction(&self, samples: u32) -> Option<f64> {
+        let (limit, (at, error)) = self.limit.zip(self.latest)?;
+        let then = (limit.bound / error).powi(2);
+        error
+            .is_finite()
+            .then(|| then * f64::from(samples) / f64::from(at))
+    }
+}
 
 /// Samples of the longest pass, after which the listener is called.
 const MAX_PASS: u32 = 16;
@@ -84,19 +148,23 @@ pub fn drive(
     let view = &view.until(&stop);
     let mut samples = start;
     let mut length = 1u32;
+    let mut estimates = Estimates::new(budget.error, start);
     let mut progress = RenderProgress {
         samples,
         elapsed: Duration::ZERO,
         fraction: None,
         error: None,
     };
+    estimates.look(samples, picture);
+    progress.error = estimates.error();
     loop {
         if let Some(reason) = reached(budget, &progress) {
             return (progress, reason);
         }
         let end = samples
             .saturating_add(length)
-            .min(budget.samples.unwrap_or(u32::MAX));
+            .min(budget.samples.unwrap_or(u32::MAX))
+            .min(estimates.next);
         let pass = Instant::now();
         let added = integrator.pass(view, samples..end, picture);
         let seconds = pass.elapsed().as_secs_f64() / f64::from(added.max(1));
@@ -105,12 +173,12 @@ pub fn drive(
             stop.begun();
         }
         let elapsed = clock.elapsed();
-        let error = budget.error.map(|error| (error.estimate)(picture));
+        estimates.look(samples, picture);
         progress = RenderProgress {
             samples,
             elapsed,
-            fraction: fraction(budget, start, samples, elapsed, error),
-            error,
+            fraction: fraction(budget, start, samples, elapsed, estimates.fraction(samples)),
+            error: estimates.error(),
         };
         if listener(&progress, picture).is_break() || stop.is_asked() {
             return (progress, Reason::Stopped);
@@ -146,18 +214,12 @@ fn fraction(
     start: u32,
     samples: u32,
     elapsed: Duration,
-    error: Option<f64>,
+    by_error: Option<f64>,
 ) -> Option<f64> {
     let by_samples = budget
         .samples
         .map(|s| f64::from(samples - start) / f64::from(s.saturating_sub(start).max(1)));
     let by_time = budget.time.map(|t| elapsed.as_secs_f64() / t.as_secs_f64());
-    // Noise falls with the root of the samples.
-    let by_error = budget
-        .error
-        .zip(error)
-        .filter(|(_, e)| e.is_finite())
-        .map(|(limit, e)| (limit.bound / e).powi(2));
     let most = [by_samples, by_time, by_error]
         .into_iter()
         .flatten()

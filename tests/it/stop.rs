@@ -2,14 +2,14 @@
 
 use crate::support::render::{mean, scene};
 use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::drive::{Budget, Reason, drive};
+use opsr::integrator::drive::{Budget, ErrorBound, Reason, drive};
 use opsr::integrator::{Amounts, Estimator, Integrator, Picture, Recorded, Settings, Stop, View};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
 use opsr::scene::Scene;
 use opsr_lab::gallery::cornell_box;
 use std::ops::{ControlFlow, Range};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 /// An integrator during one of whose passes somebody asks for an end.
@@ -150,6 +150,44 @@ fn stopped_renders_hold_whole_samples_and_resume_bit_for_bit() {
         assert_eq!((progress.samples, reason), (12, Reason::Samples), "{name}");
         assert_eq!(picture, whole(&scene, &settings, 12), "{name}");
     }
+}
+
+/// The error is estimated rarely, since an estimate costs as much as some samples, and a resumed render ends where a whole one does.
+#[test]
+fn errors_are_estimated_where_they_may_be_low_enough() {
+    static ESTIMATES: AtomicU32 = AtomicU32::new(0);
+    /// That of noise, by the samples alone.
+    fn noise(picture: &Picture) -> f64 {
+        ESTIMATES.fetch_add(1, Ordering::Relaxed);
+        f64::from(picture.film.pixels[0].n).sqrt().recip()
+    }
+    let scene = scene(cornell_box());
+    let settings = Settings::default();
+    let ended = |start: u32, bound: f64| {
+        let mut picture = blank(4, &settings);
+        let film = picture.film.clone();
+        let view = View::of(&scene, &scene.parts().cameras[0], &film);
+        settings.integrator().pass(&view, 0..start, &mut picture);
+        let budget = Budget {
+            samples: Some(2000),
+            error: Some(ErrorBound {
+                bound,
+                estimate: noise,
+            }),
+            ..Budget::default()
+        };
+        ESTIMATES.store(0, Ordering::Relaxed);
+        let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
+        let integrator = &mut *settings.integrator();
+        let (progress, reason) = drive(integrator, &view, &budget, start, &mut picture, go_on);
+        (progress.samples, reason, ESTIMATES.load(Ordering::Relaxed))
+    };
+    // 16, 20, 25, and so on by a quarter: 425 are the first with an error of 1/20.
+    assert_eq!(ended(0, 0.05), (425, Reason::Error, 4));
+    assert_eq!(ended(100, 0.05), (425, Reason::Error, 4));
+    assert_eq!(ended(425, 0.05), (425, Reason::Error, 1));
+    assert_eq!(ended(3, 0.9), (16, Reason::Error, 1));
+    assert_eq!(ended(0, 1e-9), (2000, Reason::Samples, 1));
 }
 
 /// Of a first sample that is cut the finished tiles are kept, each as it would be in the whole one.

@@ -1,11 +1,12 @@
 //! Log of a render: samples, seconds and errors over time.
 
 use super::exit::Blame;
+use super::pace::Pace;
 use opsr::files::{self, FileError};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// Interval of the lines.
+/// Least time between lines.
 const EVERY: Duration = Duration::from_secs(1);
 
 /// Longest log that is read; a day of lines needs less.
@@ -40,7 +41,7 @@ pub(super) struct ErrorLog {
     /// The file as the render was resumed, up to the samples of its checkpoint.
     earlier: Vec<u8>,
     lines: Vec<Line>,
-    latest: Option<Instant>,
+    pace: Pace,
 }
 
 impl ErrorLog {
@@ -56,17 +57,16 @@ impl ErrorLog {
             path: path.to_owned(),
             earlier: rows_until(&old, start).ok_or_else(damaged).input()?,
             lines: Vec::new(),
-            latest: None,
+            pace: Pace::at_once(EVERY),
         })
     }
 
     /// Adds a line if the last one is old enough, or if it is the `last` one.
     pub(super) fn add(&mut self, last: bool, line: impl FnOnce() -> Line) -> anyhow::Result<()> {
-        if !last && self.latest.is_some_and(|at| at.elapsed() < EVERY) {
+        if !last && !self.pace.is_due() {
             return Ok(());
         }
-        self.latest = Some(Instant::now());
-        let line = line();
+        let line = self.pace.spend(line);
         self.lines.retain(|earlier| earlier.samples < line.samples);
         self.lines.push(line);
         files::write_bytes(&self.path, self.csv()).output()

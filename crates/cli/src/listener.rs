@@ -4,6 +4,7 @@ use super::bar::Bar;
 use super::error_log::{ErrorLog, Line};
 use super::exit::{Blame, IntoExit, failure};
 use super::output::command;
+use super::pace::Pace;
 use super::render_args::RenderArgs;
 use super::stop::Stop;
 use anyhow::{Context, anyhow};
@@ -19,12 +20,11 @@ use opsr::resolve::stated_error;
 use opsr_lab::report::compare::Named;
 use opsr_metric::mean_relative_error;
 use std::borrow::Cow;
-use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// Interval of checkpoints unless another is asked for.
+/// Least time between checkpoints unless another is asked for.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// A run of a render, of which there may have been earlier ones.
@@ -55,8 +55,8 @@ pub(super) struct Listener<'a> {
     bar: Bar,
     truth: Option<Truth>,
     log: Option<ErrorLog>,
-    /// When files and checkpoint were written last, or could not be.
-    saved: Instant,
+    /// Pace of files and checkpoint; `None` where only the end is written.
+    saves: Option<Pace>,
     /// Why the log is not whole.
     unlogged: Option<anyhow::Error>,
 }
@@ -73,12 +73,14 @@ impl<'a> Listener<'a> {
             Some(path) => Some(ErrorLog::open(path, run.start)?),
             None => None,
         };
+        let checkpoints = args.checkpoint.as_ref().map(|_| CHECKPOINT_EVERY);
+        let every = args.save_every.or(checkpoints);
         Ok(Self {
             bar: Bar::new(args.program.progress),
             run,
             truth,
             log,
-            saved: Instant::now(),
+            saves: every.map(Pace::after),
             unlogged: None,
         })
     }
@@ -90,7 +92,7 @@ impl<'a> Listener<'a> {
         picture: &Picture,
     ) -> ControlFlow<()> {
         let shown = || self.run.request.spec.shown(picture);
-        let known = (self.truth.as_ref()).and_then(|truth| truth.now_and_then(shown));
+        let known = (self.truth.as_mut()).and_then(|truth| truth.now_and_then(shown));
         self.bar.show(progress, known);
         if let Err(error) = self.log(false, progress, picture, known) {
             tracing::warn!("{error:#}; the log ends here");
@@ -154,14 +156,17 @@ impl<'a> Listener<'a> {
         progress: &RenderProgress,
         picture: &Picture,
     ) -> anyhow::Result<()> {
-        let args = self.run.args;
-        let checkpoints = args.checkpoint.as_ref().map(|_| CHECKPOINT_EVERY);
-        let every = args.save_every.or(checkpoints);
-        if every.is_none_or(|every| self.saved.elapsed() < every) {
+        let Some(mut pace) = self.saves.take_if(|pace| pace.is_due()) else {
             return Ok(());
-        }
-        self.saved = Instant::now();
-        let unwritten = match args.save_every {
+        };
+        let saved = pace.spend(|| self.save(progress, picture));
+        self.saves = Some(pace);
+        saved
+    }
+
+    /// Writes checkpoint and, where they are wanted before the end, files.
+    fn save(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {
+        let unwritten = match self.run.args.save_every {
             Some(_) => {
                 let finished = self.finished(picture, progress, None)?;
                 self.write(&finished).err()
@@ -218,11 +223,12 @@ impl<'a> Listener<'a> {
 /// The picture that a render should come to.
 struct Truth {
     reference: Buffer,
-    /// The latest error, and when it was computed.
-    latest: Cell<Option<(Instant, f64)>>,
+    /// The latest error.
+    latest: Option<f64>,
+    pace: Pace,
 }
 
-/// Interval at which the true error is computed while rendering.
+/// Least time between errors while rendering.
 const TRUTH_EVERY: Duration = Duration::from_secs(1);
 
 impl Truth {
@@ -234,8 +240,11 @@ impl Truth {
         mean_relative_error(&reference, &reference)
             .with_context(|| name.to_string())
             .input()?;
-        let latest = Cell::new(None);
-        Ok(Self { reference, latest })
+        Ok(Self {
+            reference,
+            latest: None,
+            pace: Pace::at_once(TRUTH_EVERY),
+        })
     }
 
     /// Mean relative error.
@@ -244,14 +253,12 @@ impl Truth {
     }
 
     /// The error of the picture so far, seldom computed.
-    fn now_and_then(&self, shown: impl FnOnce() -> Buffer) -> Option<f64> {
-        if let Some((at, error)) = self.latest.get()
-            && at.elapsed() < TRUTH_EVERY
-        {
-            return Some(error);
+    fn now_and_then(&mut self, shown: impl FnOnce() -> Buffer) -> Option<f64> {
+        if self.pace.is_due() {
+            let reference = &self.reference;
+            let error = || mean_relative_error(&shown(), reference);
+            self.latest = self.pace.spend(error).ok().map(|error| error.value);
         }
-        let error = self.error(&shown())?;
-        self.latest.set(Some((Instant::now(), error)));
-        Some(error)
+        self.latest
     }
 }

@@ -30,6 +30,7 @@ mod info;
 mod listener;
 mod options;
 mod output;
+mod pace;
 mod part;
 mod references;
 mod render;

@@ -59,6 +59,8 @@ pub(super) struct RenderArgs {
     pub(super) stats: Vec<PathBuf>,
 
     /// Write the picture so far this often.
+    ///
+    /// Large pictures come more rarely: writing takes at most a fifth of the time.
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, help_heading = "Resume", hide_short_help = true)]
     pub(super) save_every: Option<Duration>,
     /// Keep the state of the render in this file.
