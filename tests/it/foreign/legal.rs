@@ -301,6 +301,13 @@ fn foreign_presets_of_media_are_known() {
     );
     let milk = (Rgb::new(2.55, 3.21, 3.77), Rgb::new(0.0011, 0.0024, 0.014));
     assert_eq!(medium(""), milk);
+    // Version 4 reads no coefficients beside a preset.
+    let more = "\"rgb sigma_s\" [1 2 3]";
+    assert_eq!(
+        medium(&format!("\"string preset\" \"Wholemilk\" {more}")),
+        milk
+    );
+    assert_eq!(medium(more), (Rgb::new(1.0, 2.0, 3.0), milk.1));
     assert_eq!(medium("\"string preset\" \"\""), milk);
     let told = message(
         "a.pbrt",

@@ -31,8 +31,8 @@ impl Scene<'_> {
             self.media.insert(name, None);
             return Ok(());
         }
-        let preset = parameters.text("preset")?.filter(|name| !name.is_empty());
-        let preset = preset.unwrap_or("Wholemilk");
+        let named = parameters.text("preset")?.filter(|name| !name.is_empty());
+        let preset = named.unwrap_or("Wholemilk");
         let known = PRESETS.iter().find(|row| row.0 == preset);
         if known.is_none() {
             let what = format!("the preset `{preset}` of a medium");
@@ -43,8 +43,11 @@ impl Scene<'_> {
             self.context
                 .left_out(place, "a medium that shines (`Le`)")?;
         }
-        let mut of = |name: &str, preset: [f32; 3]| {
-            self.colour(parameters, name, preset.into(), Meant::Reflected)
+        // Coefficients replace a preset in version 3 alone.
+        let stands = named.is_some() && known.is_some() && !self.is_old;
+        let mut of = |name: &str, preset: [f32; 3]| match stands {
+            true => Ok(preset.into()),
+            false => self.colour(parameters, name, preset.into(), Meant::Reflected),
         };
         let medium = Medium {
             absorption: of("sigma_a", *absorption)?,
