@@ -15,7 +15,7 @@ import pytest
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "blender"))
 from opsr_blender import exr, lamps, materials, suns  # noqa: E402
 from opsr_blender.glb import UP, Glb  # noqa: E402
-from opsr_blender.program import NoProgram, Render, find, first_line, warnings  # noqa: E402
+from opsr_blender.program import NoProgram, Render, denoiser, find, first_line, warnings  # noqa: E402
 from opsr_blender.refine import Refiner  # noqa: E402
 
 
@@ -322,3 +322,17 @@ def test_program_is_heard_and_its_message_is_short(tmp_path):
     assert first_line("\nError: one\ntwo") == "one" and warnings("none") == []
     with pytest.raises(NoProgram, match="no-such: no such program"):
         find("no-such")
+
+
+def test_denoiser_is_that_of_a_variable_or_of_an_installation(tmp_path, monkeypatch):
+    monkeypatch.delenv("OIDN_DIR", raising=False)
+    some = tmp_path / "some"
+    (some / "lib").mkdir(parents=True)
+    (some / "lib" / "libOpenImageDenoise_core.so.2").touch()
+    assert denoiser(some) is None and denoiser(tmp_path / "none") is None
+    (some / "lib" / "libOpenImageDenoise.so.2").touch()
+    assert denoiser(some) == str(some / "lib")
+    run = Render([sys.executable, "-c", "import os, sys; sys.exit(os.environ['OIDN_DIR'])"], tmp_path / "a.exr", denoiser="there")
+    assert run.end()[0] == "there"
+    monkeypatch.setenv("OIDN_DIR", "elsewhere")
+    assert denoiser(some) == "elsewhere"

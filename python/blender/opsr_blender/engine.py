@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from . import export, exr
-from .program import NoProgram, Render, find
+from .program import NoProgram, Render, denoiser, find
 
 # Passes beside the picture: Blender's name, letters and kind, and the layer with its letters in opsr's files.
 PASSES = [
@@ -31,13 +31,19 @@ def program():
     return find(wanted)
 
 
+def library():
+    """The folder of Open Image Denoise, or None."""
+    return denoiser(pathlib.Path(bpy.utils.resource_path("LOCAL")).parent)
+
+
 def settings(scene):
-    """Options of `opsr render` by the panel."""
+    """Options of `opsr render` by the panel. What denoises by default does so where it can; a user's choice is an error where it cannot."""
     chosen = scene.opsr
     words = ["--integrator", chosen.integrator, "--distribution", chosen.distribution]
     if chosen.table:
         words += ["--opsr-table", chosen.table if chosen.table.startswith("beta-") else bpy.path.abspath(chosen.table)]
-    return words + ["--denoise"] * chosen.denoise + shlex.split(chosen.more)
+    denoises = chosen.denoise and (chosen.is_property_set("denoise") or library() is not None)
+    return words + ["--denoise"] * denoises + shlex.split(chosen.more)
 
 
 def on_main_thread(work):
@@ -129,7 +135,7 @@ class OpsrEngine(bpy.types.RenderEngine):
 
         exported = on_main_thread(prepare)
         words = [found, "render", exported.scene, *exported.options, "--spp", scene.opsr.spp, *settings(scene), "--aov"]
-        running = Render(words, folder / "picture.exr", save_every="2s")
+        running = Render(words, folder / "picture.exr", save_every="2s", denoiser=library())
         try:
             failed, warned = self.watch(running, depsgraph, part[2:])
         except BaseException:

@@ -10,6 +10,11 @@ import subprocess
 STOPPED = 5
 
 
+# Variable by which the program finds Open Image Denoise, and folders of an installation of Blender that may have it.
+DENOISER = "OIDN_DIR"
+FOLDERS = [".", "lib", "blender.shared"]
+
+
 class NoProgram(Exception):
     """The program cannot be had."""
 
@@ -20,6 +25,14 @@ def find(wanted):
     if found is None:
         raise NoProgram(f"{wanted}: no such program; the add-on's preferences name it")
     return found
+
+
+def denoiser(installation):
+    """The folder of Open Image Denoise: the one that a variable names, or that of Blender; None without one."""
+    if DENOISER in os.environ:
+        return os.environ[DENOISER]
+    folders = [pathlib.Path(installation, folder) for folder in FOLDERS]
+    return next((str(folder) for folder in folders if any(folder.glob("*OpenImageDenoise.*"))), None)
 
 
 def first_line(said):
@@ -39,7 +52,7 @@ def warnings(said):
 class Render:
     """A render that runs beside Blender and writes the picture so far into a file."""
 
-    def __init__(self, words, output, save_every="1s"):
+    def __init__(self, words, output, save_every="1s", denoiser=None):
         self.output = pathlib.Path(output)
         self.output.unlink(missing_ok=True)
         self.spp, self.fraction, self.error, self.left = 0, 0.0, None, None
@@ -48,7 +61,8 @@ class Render:
         self.told = open(self.output.with_suffix(".json"), "wb")
         words = [*words, "-o", self.output, "--save-every", save_every, "--progress", "json", "--exr", "none"]
         group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if os.name == "nt" else {}
-        self.process = subprocess.Popen([str(w) for w in words], stdout=self.told, stderr=self.said, **group)
+        env = {**os.environ, DENOISER: denoiser} if denoiser else None
+        self.process = subprocess.Popen([str(w) for w in words], stdout=self.told, stderr=self.said, env=env, **group)
 
     def running(self):
         """True until the program ends; hears what it says."""

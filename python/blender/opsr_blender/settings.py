@@ -28,7 +28,7 @@ class OpsrSettings(bpy.types.PropertyGroup):
         name="Microfacets",
         items=[("ggx", "GGX", "As in Cycles"), ("beckmann", "Beckmann", "For which the tables were learned: shorter tails")],
     )
-    denoise: BoolProperty(name="Denoise", description="By Open Image Denoise, which the program must find")
+    denoise: BoolProperty(name="Denoise", default=True, description="By Open Image Denoise, which Blender has")
     more: StringProperty(name="More Options", description="Further options of opsr render, such as --seed 3")
 
 

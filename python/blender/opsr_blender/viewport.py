@@ -52,7 +52,7 @@ class Viewport:
         scene = bpy.context.scene
         spp = ["--spp", scene.opsr.view_spp]
         command = [of_engine.program(), "render", exported.scene, *words, *spp, *of_engine.settings(scene)]
-        return Render(command, self.folder / "view.exr", save_every="300ms")
+        return Render(command, self.folder / "view.exr", save_every="300ms", denoiser=of_engine.library())
 
 
 def view_of(context):
