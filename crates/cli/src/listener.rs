@@ -94,7 +94,9 @@ impl<'a> Listener<'a> {
         let shown = || self.run.request.spec.shown(picture);
         let known = (self.truth.as_mut()).and_then(|truth| truth.now_and_then(shown));
         self.bar.show(progress, known);
-        if let Err(error) = self.log(false, progress, picture, known) {
+        let settings = self.run.request.spec.resolve();
+        let stated = || stated_error(picture, settings).mean;
+        if let Err(error) = self.log(false, progress, stated, known) {
             tracing::warn!("{error:#}; the log ends here");
             (self.log, self.unlogged) = (None, Some(error));
         }
@@ -116,7 +118,9 @@ impl<'a> Listener<'a> {
         let unwritten = written.err().map(|fault| failure(&fault).into());
         let shown = &finished.shown.picture;
         let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(shown));
-        let logged = self.log(true, progress, picture, true_error);
+        // The log ends with the number of the closing line.
+        let stated = finished.statement().mean;
+        let logged = self.log(true, progress, || stated, true_error);
         let failed = unwritten.or(kept.err()).or(self.unlogged).or(logged.err());
         Ok(Saved {
             finished,
@@ -134,18 +138,17 @@ impl<'a> Listener<'a> {
         &mut self,
         last: bool,
         progress: &RenderProgress,
-        picture: &Picture,
+        stated: impl FnOnce() -> f64,
         true_error: Option<f64>,
     ) -> anyhow::Result<()> {
         let seconds = self.seconds(progress);
-        let settings = self.run.request.spec.resolve();
         let Some(log) = &mut self.log else {
             return Ok(());
         };
         log.add(last, || Line {
             samples: progress.samples,
             seconds,
-            estimated: stated_error(picture, settings).mean,
+            estimated: stated(),
             true_error,
         })
     }
