@@ -214,9 +214,12 @@ def test_pictures_are_denoised_where_blender_has_the_library(scene, tmp_path, mo
     noisy = picture(scene, tmp_path)
     rough = [np.abs(np.diff(seen[..., 0], n=2, axis=1)).mean() for seen in (denoised, noisy)]
     assert rough[0] < 0.5 * rough[1] and denoised.mean() == pytest.approx(noisy.mean(), rel=0.03)
-    # Who asks for it by hand gets an error without the library.
+    # A choice by hand stands without the library: it is an error there. Another by words is the same.
     scene.opsr.denoise = True
     assert "--denoise" in engine.settings(scene)
+    scene.opsr.more = "--denoise"
+    assert engine.settings(scene).count("--denoise") == 1
+    scene.opsr.more = ""
     scene.opsr.denoise = False
     monkeypatch.undo()
     assert "--denoise" not in engine.settings(scene)

@@ -334,5 +334,11 @@ def test_denoiser_is_that_of_a_variable_or_of_an_installation(tmp_path, monkeypa
     assert denoiser(some) == str(some / "lib")
     run = Render([sys.executable, "-c", "import os, sys; sys.exit(os.environ['OIDN_DIR'])"], tmp_path / "a.exr", denoiser="there")
     assert run.end()[0] == "there"
-    monkeypatch.setenv("OIDN_DIR", "elsewhere")
-    assert denoiser(some) == "elsewhere"
+    # A variable counts where the library is in its folder.
+    for wrong in ("", str(tmp_path / "none")):
+        monkeypatch.setenv("OIDN_DIR", wrong)
+        assert denoiser(some) == str(some / "lib") and denoiser(tmp_path) is None
+    (tmp_path / "own" / "bin").mkdir(parents=True)
+    (tmp_path / "own" / "bin" / "OpenImageDenoise.dll").touch()
+    monkeypatch.setenv("OIDN_DIR", str(tmp_path / "own"))
+    assert denoiser(some) == str(tmp_path / "own" / "bin")

@@ -61,8 +61,8 @@ impl RenderProgress {
 /// Fewer samples estimate their own noise too badly to stop on.
 const MIN_SAMPLES_FOR_ERROR: u32 = 16;
 
-/// Estimates of a picture's error, each of which costs as much as some samples: at numbers of samples that grow by a quarter, of
-/// which those are left out that cannot have the error of the bound by the estimate before.
+/// Estimates of a picture's error, each of which costs as much as some samples. The numbers of samples grow by a quarter from one to
+/// the next. A number is left out if the estimate before rules out that the error has come down to the bound.
 struct Estimates {
     limit: Option<ErrorBound>,
     /// Samples of the next one.
@@ -177,7 +177,9 @@ pub fn drive(
         progress = RenderProgress {
             samples,
             elapsed,
-            fraction: fraction(budget, start, samples, elapsed, estimates.fraction(samples)),
+            // A new estimate may be above what the one before made expect.
+            fraction: fraction(budget, start, samples, elapsed, estimates.fraction(samples))
+                .map(|now| now.max(progress.fraction.unwrap_or(0.0))),
             error: estimates.error(),
         };
         if listener(&progress, picture).is_break() || stop.is_asked() {

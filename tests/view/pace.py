@@ -1,6 +1,7 @@
 """Measures `opsr view` in a browser: the first picture, pictures and counts, FLIP of what is shown, a picture after a drag.
 
-    python tests/view/pace.py target/release/opsr /usr/bin/chromium SCENE... [--size 640x480] [--shots FOLDER] [--references FOLDER]
+    python tests/view/pace.py target/release/opsr /usr/bin/chromium SCENE... [--size 640x480]
+        [--shots FOLDER] [--references FOLDER] [--options WORDS]
 
 Prints a row for each scene. FLIP is that of the page's canvas, enlarged without edges, over a render by `vcm` with 64 samples, which the
 folder of references keeps. Needs the packages of page.py, for FLIP also numpy, OpenEXR and pillow. The window and the size of pictures
@@ -79,7 +80,7 @@ def flips(opsr, chosen, scene, shown):
 
 def measured(browser, opsr, chosen, scene):
     """One scene: the row of the table, and screenshots."""
-    command = [opsr, "view", scene, "--no-open", "--size", chosen.size, "--exposure", "0"]
+    command = [opsr, "view", scene, "--no-open", "--size", chosen.size, "--exposure", "0", *chosen.options.split()]
     shown = []
     viewer = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
@@ -104,19 +105,19 @@ def measured(browser, opsr, chosen, scene):
         counts = [c for c in counts if begun < c < begun + SECONDS]
         early = [p for p in pictures if p[0] < begun + 10]
 
-        # A drag, and the first picture of more than one sample of every pixel of the frame after it.
+        # A drag, the first picture of its end, and the first of the whole frame.
         box = page.locator("#stage").bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + 0.6 * box["height"]
         page.mouse.move(x, y)
         page.mouse.down()
         page.mouse.move(x + 80, y + 10, steps=10)
         page.mouse.up()
-        released = time.monotonic()
-        run = page.evaluate("state.run")
+        run, released = page.evaluate("[state.run, performance.now() / 1000]")
         page.wait_for_function(
             "run => head.samples > 1 && head.run === state.run && head.run >= run", arg=run, timeout=120_000
         )
-        after = time.monotonic() - released
+        last = page.evaluate("pictures.filter(p => p[3] === state.run).map(p => p[0])")
+        after = f"{last[0] - released:.1f}, {last[-1] - released:.1f}"
         page.close()
     finally:
         viewer.kill()
@@ -126,7 +127,7 @@ def measured(browser, opsr, chosen, scene):
     found = ", ".join(f"{flip:.3f}" for flip in found)
     return (
         f"| {pathlib.Path(scene).stem} | {first:.2f} | {len(early) / 10:.1f} | {longest:.1f} "
-        f"| {len(counts) / SECONDS:.1f} | {samples} | {after:.1f} | {found} |"
+        f"| {len(counts) / SECONDS:.1f} | {samples} | {after} | {found} |"
     )
 
 
@@ -138,6 +139,7 @@ def main():
     parser.add_argument("--size", default="640x480")
     parser.add_argument("--shots")
     parser.add_argument("--references")
+    parser.add_argument("--options", default="", help="options of the viewer")
     chosen = parser.parse_args()
     print(f"| scene | first picture, s | pictures a second, first 10 s | longest wait, s | counts a second | samples after 15 s | after a drag, s | FLIP after {TIMES} s |")
     print("|---|---|---|---|---|---|---|---|")

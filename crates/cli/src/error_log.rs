@@ -1,13 +1,8 @@
 //! Log of a render: samples, seconds and errors over time.
 
 use super::exit::Blame;
-use super::pace::Pace;
 use opsr::files::{self, FileError};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
-
-/// Least time between lines.
-const EVERY: Duration = Duration::from_secs(1);
 
 /// Longest log that is read; a day of lines needs less.
 const MAX_BYTES: u64 = 1 << 26;
@@ -41,7 +36,6 @@ pub(super) struct ErrorLog {
     /// The file as the render was resumed, up to the samples of its checkpoint.
     earlier: Vec<u8>,
     lines: Vec<Line>,
-    pace: Pace,
 }
 
 impl ErrorLog {
@@ -57,16 +51,11 @@ impl ErrorLog {
             path: path.to_owned(),
             earlier: rows_until(&old, start).ok_or_else(damaged).input()?,
             lines: Vec::new(),
-            pace: Pace::at_once(EVERY),
         })
     }
 
-    /// Adds a line if the last one is old enough, or if it is the `last` one.
-    pub(super) fn add(&mut self, last: bool, line: impl FnOnce() -> Line) -> anyhow::Result<()> {
-        if !last && !self.pace.is_due() {
-            return Ok(());
-        }
-        let line = self.pace.spend(line);
+    /// Adds a line.
+    pub(super) fn add(&mut self, line: Line) -> anyhow::Result<()> {
         self.lines.retain(|earlier| earlier.samples < line.samples);
         self.lines.push(line);
         files::write_bytes(&self.path, self.csv()).output()

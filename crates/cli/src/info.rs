@@ -107,7 +107,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let parts = scene.parts();
     // Of the file alone.
     let floor = parts.floor();
-    let own = |triangles: usize| triangles - floor.map_or(0, |mesh| mesh.indices.len());
+    let own = |all: usize| all.saturating_sub(floor.map_or(0, |mesh| mesh.indices.len()));
     let materials: Vec<_> = (parts.materials.iter().enumerate())
         .filter(|(i, _)| floor.is_none_or(|mesh| mesh.material as usize != *i))
         .map(|(_, m)| material(m))

@@ -27,6 +27,9 @@ use std::time::Duration;
 /// Least time between checkpoints unless another is asked for.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
+/// Least time between errors beside a render.
+const ERRORS_EVERY: Duration = Duration::from_secs(1);
+
 /// A run of a render, of which there may have been earlier ones.
 pub(super) struct Run<'a> {
     pub(super) args: &'a RenderArgs,
@@ -55,6 +58,10 @@ pub(super) struct Listener<'a> {
     bar: Bar,
     truth: Option<Truth>,
     log: Option<ErrorLog>,
+    /// Pace of the errors beside the render; `None` where nothing shows them.
+    errors: Option<Pace>,
+    /// The latest error against the reference.
+    true_error: Option<f64>,
     /// Pace of files and checkpoint; `None` where only the end is written.
     saves: Option<Pace>,
     /// Why the log is not whole.
@@ -73,6 +80,7 @@ impl<'a> Listener<'a> {
             Some(path) => Some(ErrorLog::open(path, run.start)?),
             None => None,
         };
+        let is_seen = truth.is_some() || log.is_some();
         let checkpoints = args.checkpoint.as_ref().map(|_| CHECKPOINT_EVERY);
         let every = args.save_every.or(checkpoints);
         Ok(Self {
@@ -80,6 +88,8 @@ impl<'a> Listener<'a> {
             run,
             truth,
             log,
+            errors: is_seen.then(|| Pace::at_once(ERRORS_EVERY)),
+            true_error: None,
             saves: every.map(Pace::after),
             unlogged: None,
         })
@@ -91,19 +101,33 @@ impl<'a> Listener<'a> {
         progress: &RenderProgress,
         picture: &Picture,
     ) -> ControlFlow<()> {
-        let shown = || self.run.request.spec.shown(picture);
-        let known = (self.truth.as_mut()).and_then(|truth| truth.now_and_then(shown));
-        self.bar.show(progress, known);
-        let settings = self.run.request.spec.resolve();
-        let stated = || stated_error(picture, settings).mean;
-        if let Err(error) = self.log(false, progress, stated, known) {
-            tracing::warn!("{error:#}; the log ends here");
-            (self.log, self.unlogged) = (None, Some(error));
+        if let Some(mut pace) = self.errors.take_if(|pace| pace.is_due()) {
+            pace.spend(|| self.look(progress, picture));
+            self.errors = Some(pace);
         }
+        self.bar.show(progress, self.true_error);
         if let Err(error) = self.save_now_and_then(progress, picture) {
             tracing::warn!("{error:#}; the render goes on and tries again");
         }
         self.run.stop.flow()
+    }
+
+    /// Measures the errors of the picture so far, and logs them.
+    fn look(&mut self, progress: &RenderProgress, picture: &Picture) {
+        let spec = &self.run.request.spec;
+        let shown = self
+            .truth
+            .as_ref()
+            .map(|truth| truth.error(&spec.shown(picture)));
+        self.true_error = shown.flatten();
+        if self.log.is_none() {
+            return;
+        }
+        let stated = stated_error(picture, spec.resolve()).mean;
+        if let Err(error) = self.log(progress, stated, self.true_error) {
+            tracing::warn!("{error:#}; the log ends here");
+            (self.log, self.unlogged) = (None, Some(error));
+        }
     }
 
     /// Finishes the picture and saves it, the checkpoint and the log. A failure of one does not keep the others from being saved.
@@ -120,7 +144,7 @@ impl<'a> Listener<'a> {
         let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(shown));
         // The log ends with the number of the closing line.
         let stated = finished.statement().mean;
-        let logged = self.log(true, progress, || stated, true_error);
+        let logged = self.log(progress, stated, true_error);
         let failed = unwritten.or(kept.err()).or(self.unlogged).or(logged.err());
         Ok(Saved {
             finished,
@@ -136,19 +160,18 @@ impl<'a> Listener<'a> {
 
     fn log(
         &mut self,
-        last: bool,
         progress: &RenderProgress,
-        stated: impl FnOnce() -> f64,
+        stated: f64,
         true_error: Option<f64>,
     ) -> anyhow::Result<()> {
         let seconds = self.seconds(progress);
         let Some(log) = &mut self.log else {
             return Ok(());
         };
-        log.add(last, || Line {
+        log.add(Line {
             samples: progress.samples,
             seconds,
-            estimated: stated(),
+            estimated: stated,
             true_error,
         })
     }
@@ -167,7 +190,7 @@ impl<'a> Listener<'a> {
         saved
     }
 
-    /// Writes checkpoint and, where they are wanted before the end, files.
+    /// Writes the checkpoint and, with `--save-every`, the files.
     fn save(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {
         let unwritten = match self.run.args.save_every {
             Some(_) => {
@@ -226,13 +249,7 @@ impl<'a> Listener<'a> {
 /// The picture that a render should come to.
 struct Truth {
     reference: Buffer,
-    /// The latest error.
-    latest: Option<f64>,
-    pace: Pace,
 }
-
-/// Least time between errors while rendering.
-const TRUTH_EVERY: Duration = Duration::from_secs(1);
 
 impl Truth {
     fn load(path: &Path, film: &Film) -> anyhow::Result<Self> {
@@ -243,25 +260,11 @@ impl Truth {
         mean_relative_error(&reference, &reference)
             .with_context(|| name.to_string())
             .input()?;
-        Ok(Self {
-            reference,
-            latest: None,
-            pace: Pace::at_once(TRUTH_EVERY),
-        })
+        Ok(Self { reference })
     }
 
     /// Mean relative error.
     fn error(&self, picture: &Buffer) -> Option<f64> {
         Some(mean_relative_error(picture, &self.reference).ok()?.value)
-    }
-
-    /// The error of the picture so far, seldom computed.
-    fn now_and_then(&mut self, shown: impl FnOnce() -> Buffer) -> Option<f64> {
-        if self.pace.is_due() {
-            let reference = &self.reference;
-            let error = || mean_relative_error(&shown(), reference);
-            self.latest = self.pace.spend(error).ok().map(|error| error.value);
-        }
-        self.latest
     }
 }

@@ -37,13 +37,14 @@ def library():
 
 
 def settings(scene):
-    """Options of `opsr render` by the panel. What denoises by default does so where it can; a user's choice is an error where it cannot."""
+    """Options of `opsr render` by the panel. Without the library there is no denoising by default, and an error where it was chosen."""
     chosen = scene.opsr
     words = ["--integrator", chosen.integrator, "--distribution", chosen.distribution]
     if chosen.table:
         words += ["--opsr-table", chosen.table if chosen.table.startswith("beta-") else bpy.path.abspath(chosen.table)]
+    more = shlex.split(chosen.more)
     denoises = chosen.denoise and (chosen.is_property_set("denoise") or library() is not None)
-    return words + ["--denoise"] * denoises + shlex.split(chosen.more)
+    return words + ["--denoise"] * (denoises and "--denoise" not in more) + more
 
 
 def on_main_thread(work):

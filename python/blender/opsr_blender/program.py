@@ -10,9 +10,9 @@ import subprocess
 STOPPED = 5
 
 
-# Variable by which the program finds Open Image Denoise, and folders of an installation of Blender that may have it.
+# Variable by which the program finds Open Image Denoise, and folders of an installation of it or of Blender that may have it.
 DENOISER = "OIDN_DIR"
-FOLDERS = [".", "lib", "blender.shared"]
+FOLDERS = [".", "lib", "bin", "blender.shared"]
 
 
 class NoProgram(Exception):
@@ -29,9 +29,8 @@ def find(wanted):
 
 def denoiser(installation):
     """The folder of Open Image Denoise: the one that a variable names, or that of Blender; None without one."""
-    if DENOISER in os.environ:
-        return os.environ[DENOISER]
-    folders = [pathlib.Path(installation, folder) for folder in FOLDERS]
+    places = [os.environ.get(DENOISER), installation]
+    folders = [pathlib.Path(place, folder) for place in places if place for folder in FOLDERS]
     return next((str(folder) for folder in folders if any(folder.glob("*OpenImageDenoise.*"))), None)
 
 

@@ -88,6 +88,10 @@ fn foreign_mappings_of_pbrt_are_coordinates_of_their_meshes() {
     use std::f32::consts::{PI, TAU};
     let plane = "planar\" \"vector3 v1\" [ 1 0 2 ] \"vector3 v2\" [ 0 -1 0 ] \"float udelta\" 0.5";
     let square = "trianglemesh\" \"point3 P\" [ -1 -1 0.5  2 -1 0  2 1 0  -1 1 0.5 ] \"integer indices\" [ 0 1 2 0 2 3 ]";
+    // These are symmetric about the plane z = 0 of the texture's space, where edges that bend are straight in the middle.
+    let tall = "cylinder\" \"float zmin\" -10.2 \"float zmax\" 9.8";
+    let upright = "trianglemesh\" \"point3 P\" [ 1 -1 -1.2  1 1 -1.2  1 1 0.8  1 -1 0.8 ] \"integer indices\" [ 0 1 2 0 2 3 ]";
+    let other = upright.replace("[ 0 1 2 0 2 3 ]", "[ 0 1 3 1 2 3 ]");
     let planar = |p: Vec3| (0.5 + p.x + 2.0 * p.z, -p.y);
     let spherical = |p: Vec3| {
         let round = p.y.atan2(p.x) / TAU;
@@ -109,7 +113,7 @@ fn foreign_mappings_of_pbrt_are_coordinates_of_their_meshes() {
         ("", "cylindrical\"", &cylindrical),
         ("Film \"image\"\n", "cylindrical\"", &old),
     ] {
-        for shape in ["sphere\"", square] {
+        for shape in ["sphere\"", tall, square, upright, &other] {
             let text = format!(
                 "{film}WorldBegin AttributeBegin Translate 3 0 0 Scale 2 1 1\n\
                  Texture \"a\" \"spectrum\" \"checkerboard\" \"string mapping\" \"{mapping} AttributeEnd\n\
@@ -119,6 +123,9 @@ fn foreign_mappings_of_pbrt_are_coordinates_of_their_meshes() {
             let map_used = last(&loaded).base_color_texture.expect("a texture");
             assert!(map_used.second && last(&loaded).finish.as_ref().expect("one").has_second_uvs);
             let mesh = &loaded.parts.meshes[0];
+            let count = mesh.indices.len();
+            let is_flat = shape.starts_with("trianglemesh");
+            assert!(count < 20_000 || !is_flat, "{mapping} {shape} {count}");
             for face in &mesh.indices {
                 let corners = face.map(|i| mesh.positions[i as usize]);
                 let uvs = face.map(|i| mesh.second_uvs[i as usize]);
@@ -126,7 +133,8 @@ fn foreign_mappings_of_pbrt_are_coordinates_of_their_meshes() {
                 let at = |p: Vec3| (p - 3.0 * Vec3::X) / Vec3::new(2.0, 1.0, 1.0);
                 let middle = at(corners.iter().sum::<Vec3>() / 3.0);
                 if mapping == plane || middle.truncate().length() > 0.05 {
-                    let size = |uv: Vec2| mapping == plane || uv.abs().max_element() < 0.3;
+                    let round = usize::from(mapping.starts_with("spherical"));
+                    let size = |uv: Vec2| mapping == plane || uv[round].abs() < 0.3;
                     assert!(
                         size(uvs[1] - uvs[0]) && size(uvs[2] - uvs[0]),
                         "{mapping} {uvs:?}"
@@ -270,6 +278,19 @@ fn foreign_blends_of_pbrt_are_textures() {
             "{u} {v}: {r} {g} {b}"
         );
     }
+    // Heights have their slope, to the border.
+    let heights = "WorldBegin Texture \"h\" \"float\" \"bilerp\" \"float v00\" 0 \"float v01\" 0 \"float v10\" 1 \"float v11\" 1 \
+        Material \"diffuse\" \"texture displacement\" \"h\" Shape \"trianglemesh\" \
+        \"point3 P\" [ -1 -1 0 1 -1 0 1 1 0 -1 1 0 ] \"point2 uv\" [ 0 0 1 0 1 1 0 1 ] \"integer indices\" [ 0 1 2 0 2 3 ]";
+    let loaded = silent(heights, &[]);
+    let map = last(&loaded).normal_texture.expect("a texture");
+    for (u, v) in [(0.02, 0.5), (0.3, 0.6), (0.5, 0.98)] {
+        let uv = map.transform.transform_point2(Vec2::new(u, v));
+        let [x, y, z, _] = loaded.parts.textures[map.texture as usize].sample(uv);
+        let n = 2.0 * Vec3::new(x, y, z) - 1.0;
+        let slope = n.truncate() / n.z;
+        assert!(slope.distance(Vec2::new(-0.5, 0.0)) < 0.02, "{u} {v}: {n}");
+    }
     let mixed = usual(
         "a.pbrt",
         &texture("\"directionmix\" \"rgb tex1\" [ 1 0 0 ] \"vector3 dir\" [ 1 0 0 ]"),
@@ -344,6 +365,10 @@ fn foreign_values_out_of_range_are_not_let_pass() {
             "<float name=\"int_ior\" value=\"-1.5\"/><float name=\"ext_ior\" value=\"-1\"/>",
         ),
         ("plastic", "<float name=\"int_ior\" value=\"0\"/>"),
+        (
+            "dielectric",
+            "<float name=\"int_ior\" value=\"1e30\"/><float name=\"ext_ior\" value=\"1e-30\"/>",
+        ),
         ("thindielectric", "<string name=\"int_ior\" value=\"-1\"/>"),
         ("principled", "<float name=\"eta\" value=\"-1\"/>"),
     ] {

@@ -167,6 +167,9 @@ pub fn nothing() -> Material {
 /// Most texels of a side of a texture that is made of others.
 const MOST: u32 = 8192;
 
+/// Texels of a side of blended fields: enough for the slope of heights.
+pub const BLENDED: u32 = 64;
+
 impl Builder {
     /// Adds a texture.
     pub fn add_texture(&mut self, texture: Texture) -> u32 {
@@ -377,15 +380,19 @@ impl Builder {
         let (side, wrap) = if sharp {
             (512, Wrap::Repeat)
         } else {
-            (2, Wrap::Clamp)
+            (BLENDED, Wrap::Clamp)
         };
         let most = colours
             .map(|c| c.max_element())
             .into_iter()
             .fold(1.0, f32::max);
         let texture = self.baked([side; 2], 3, |uv| {
-            let field = usize::from(uv.x >= 0.5) + 2 * usize::from(uv.y >= 0.5);
-            (colours[field] / most).extend(1.0).to_array()
+            let at = match sharp {
+                true => (uv + 0.5).floor().clamp(Vec2::ZERO, Vec2::ONE),
+                false => (uv * BLENDED as f32 - 0.5) / (BLENDED - 1) as f32,
+            };
+            let row = |i: usize| colours[i].lerp(colours[i + 1], at.x);
+            (row(0).lerp(row(2), at.y) / most).extend(1.0).to_array()
         });
         let wrap = [wrap; 2];
         let map = TextureRef {

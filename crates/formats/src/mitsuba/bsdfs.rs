@@ -228,7 +228,8 @@ impl Scene<'_> {
         if bsdf.property("eta").is_some() {
             return self.index(bsdf, "eta", "");
         }
-        Ok(self.index(bsdf, "int_ior", inside)? / self.index(bsdf, "ext_ior", outside)?)
+        let eta = self.index(bsdf, "int_ior", inside)? / self.index(bsdf, "ext_ior", outside)?;
+        checked_index(eta, &bsdf.place)
     }
 
     /// Roughness and distribution; the roughness of a map is put into the material.

@@ -74,17 +74,21 @@ impl Mapping {
 
     /// True if coordinates along an edge are not linear to a thousandth, or go far around the axis.
     fn bends(&self, a: Vec3, b: Vec3) -> bool {
-        let [a, m, b] = self.together([a, 0.5 * (a + b), b].map(|p| self.at(p)));
-        let turn = self.round().map_or(0.0, |axis| (b - a)[axis].abs());
-        turn > 1.0 / 16.0 || (m - 0.5 * (a + b)).abs().max_element() > 1e-3
+        // An edge that is symmetric about its middle is straight there alone.
+        [0.25, 0.5, 0.75].into_iter().any(|t| {
+            let [a, m, b] = self.together([a, a.lerp(b, t), b].map(|p| self.at(p)));
+            let turn = self.round().map_or(0.0, |axis| (b - a)[axis].abs());
+            let off = (m - a.lerp(b, f64::from(t))).abs().max_element();
+            turn > 1.0 / 16.0 || off > 1e-3
+        })
     }
 }
 
 /// Shortest edge that is split, as a part of the diagonal of the mesh.
 const FINEST: f32 = 1.0 / 256.0;
 
-/// A mesh with a mapping's coordinates as its second pair; `None` beyond `most` triangles. They are split where the mapping bends between
-/// corners, at the middle of edges, which two faces have in common.
+/// A mesh with a mapping's coordinates as its second pair; `None` beyond `most` triangles. They are split at the middle of
+/// their longest edges where the mapping bends between corners.
 fn mapped(source: &Mesh, mapping: &Mapping, most: usize) -> Option<Mesh> {
     let ends = |of: fn(Vec3, Vec3) -> Vec3| source.positions.iter().copied().reduce(of);
     let (low, high) = ends(Vec3::min).zip(ends(Vec3::max)).unwrap_or_default();
@@ -102,8 +106,10 @@ fn mapped(source: &Mesh, mapping: &Mapping, most: usize) -> Option<Mesh> {
     while let Some(face) = rest.pop() {
         let edge = |k: usize| (face[k][0], face[(k + 1) % 3][0]);
         let length = |k: usize| edge(k).0.distance(edge(k).1);
-        let bent = (0..3).filter(|&k| length(k) > least && mapping.bends(edge(k).0, edge(k).1));
-        if let Some(k) = bent.max_by(|&i, &j| length(i).total_cmp(&length(j))) {
+        let bends = |k: usize| length(k) > least && mapping.bends(edge(k).0, edge(k).1);
+        // The longest edge, bent or not: splits of others alone would leave ever thinner slivers.
+        let longest = (0..3).max_by(|&i, &j| length(i).total_cmp(&length(j)));
+        if let Some(k) = longest.filter(|_| (0..3).any(bends)) {
             let [a, b, c] = [0, 1, 2].map(|i| face[(k + i) % 3]);
             let middle = [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]));
             rest.extend([[a, middle, c], [middle, b, c]]);
@@ -169,7 +175,7 @@ impl Scene<'_> {
         Ok((Affine2::IDENTITY, true))
     }
 
-    /// Notes the mapping that a texture or material takes. The first counts, which is that of the base colour.
+    /// Notes the mapping of a texture or a material. The first one, that of the base colour, counts.
     pub(super) fn takes(&mut self, mapping: Option<Mapping>, place: &str) -> Result<()> {
         if self.mapping.is_some() && mapping.is_some() && self.mapping != mapping {
             (self.context).nearest(place, "a second mapping of one surface", "the first")?;
@@ -196,7 +202,7 @@ impl Scene<'_> {
         }
         let pose = mapping.pose * *pose;
         let source = self.context.builder.mesh_mut(mesh);
-        let made = mapped(source, &Mapping { pose, ..mapping }, 1 << 26);
+        let made = mapped(source, &Mapping { pose, ..mapping }, 1 << 22);
         let made = made.ok_or_else(|| fault(place, "too many triangles under a mapping"))?;
         let made = self.context.builder.mesh(made);
         self.context.meshes.insert(key, made);

@@ -166,12 +166,12 @@ impl Scene<'_> {
         let levels = parameters.number("levels", parameters.number("nlevels", 3.0)?)?;
         let mut control = triangles(parameters)?;
         let faces = control.indices.len() as f64 * 4f64.powf(levels);
-        if !(levels >= 0.0 && levels.fract() == 0.0 && faces <= f64::from(1 << 26)) {
+        if !(levels >= 0.0 && levels.fract() == 0.0 && faces <= f64::from(1 << 24)) {
             return Err(fault(place, format!("a subdivision of {levels} levels")));
         }
         // Edges with their third corners, points, and rings of them.
         let what = format!("a subdivision into {faces} triangles");
-        opsr::memory::check(what, 200 * faces as u64)?;
+        opsr::memory::check(what, 300 * faces as u64)?;
         let finite = control.positions.iter().all(|p| p.is_finite());
         if finite && let Some(mesh) = subdivision::subdivided(&control, levels as u32) {
             return Ok(mesh);
