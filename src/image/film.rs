@@ -260,7 +260,7 @@ impl FilmBand<'_> {
 }
 
 /// Largest single-precision number: the bound of what a picture can hold.
-const LARGEST: DVec3 = DVec3::splat(f32::MAX as f64);
+pub(crate) const LARGEST: DVec3 = DVec3::splat(f32::MAX as f64);
 
 /// Running moments of every pixel in a window of the frame.
 #[derive(Clone, Debug, PartialEq)]

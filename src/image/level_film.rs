@@ -334,7 +334,7 @@ impl LevelFilm {
     }
 
     /// One of them.
-    fn mean_of(&self, index: usize, level: usize) -> Rgb {
+    pub(crate) fn mean_of(&self, index: usize, level: usize) -> Rgb {
         let n: u32 = self.counts[index].iter().sum();
         let sums = (0..BATCHES).map(|batch| self.sum(index, batch, level));
         sums.sum::<Rgb>() / n.max(1) as f32
@@ -493,26 +493,7 @@ impl LevelFilm {
 
     // ── tiles ──
 
-    /// A film of `tile` with this film's sums so far. Panics if the tile leaves the window.
-    pub fn cut(&self, tile: Window) -> Self {
-        let mut cut = Self::new(self.size, tile, self.levels);
-        let stride = BATCHES * (self.levels + 1);
-        for row in 0..tile.h {
-            let (mine, theirs, w) = self.row(&tile, row);
-            cut.counts[theirs..theirs + w].copy_from_slice(&self.counts[mine..mine + w]);
-            cut.features[theirs..theirs + w].copy_from_slice(&self.features[mine..mine + w]);
-            cut.sums[theirs * stride..(theirs + w) * stride]
-                .copy_from_slice(&self.sums[mine * stride..(mine + w) * stride]);
-            if let Some(all) = &self.carried {
-                let blank = || Carried::new(tile.len(), self.levels);
-                let part = cut.carried.get_or_insert_with(blank);
-                part.copy(theirs, all, mine, w, stride);
-            }
-        }
-        cut
-    }
-
-    /// Puts a tile made by [`LevelFilm::cut`] back.
+    /// Takes over the sums of a tile. Panics if it leaves the window.
     pub(crate) fn paste(&mut self, tile: &Self) {
         let stride = BATCHES * (self.levels + 1);
         for row in 0..tile.window.h {

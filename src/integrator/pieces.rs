@@ -10,8 +10,10 @@
 use super::walk::observer::Recorder;
 use super::{Stop, View};
 use crate::image::film::{Film, Window};
+use crate::math::Rgb;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Mutex;
 
 /// Items such as light paths, cut into pieces that a thread takes at a time.
 #[derive(Clone, Copy)]
@@ -62,6 +64,32 @@ pub(super) struct Finished<T> {
     pub(super) results: Vec<(Range<u32>, T)>,
     /// All items over those that were finished: 1 unless the first sample was stopped.
     pub(super) factor: f64,
+}
+
+/// Values of several samples of all pixels that may be kept until they are added; one sample of a large picture has more.
+const KEPT: usize = 1 << 21;
+
+/// Tiles of a film that are copied at once while values are added to it.
+const COPIED: usize = 256;
+
+/// A tile whose samples are traced: a film that is stopped stays as it is, so that their values are kept until all of them are there.
+pub(super) struct Tile<'a> {
+    pub(super) window: Window,
+    /// Room for values by pixel and sample, samples fastest.
+    values: std::slice::IterMut<'a, Rgb>,
+}
+
+impl Tile<'_> {
+    /// Samples that are added together to the tiles of a film.
+    pub(super) fn samples_at_once(film: &Film) -> u32 {
+        (KEPT / film.window.len().max(1)).clamp(1, u32::MAX as usize) as u32
+    }
+
+    /// The value of the next sample.
+    #[inline]
+    pub(super) fn push(&mut self, value: Rgb) {
+        *self.values.next().expect("room for every sample") = value;
+    }
 }
 
 /// Runs pieces until a render is stopped.
@@ -179,26 +207,52 @@ impl Driver<'_> {
         })
     }
 
-    /// Runs tiles of a film, each with a fork of the recorder. Returns the results of `work`; `None` if the film is unchanged.
+    /// Adds these samples to tiles of a film, which `work` traces, each with a fork of the recorder. Returns the results of `work`; `None`
+    /// if the film is unchanged.
     pub(super) fn run_tiles<T: Send, O: Recorder>(
         &self,
         tiles: &[Window],
+        samples: &Range<u32>,
         film: &mut Film,
         recorder: &mut O,
-        work: impl Fn(&mut Film, &mut O) -> T + Sync,
+        work: impl Fn(&mut Tile<'_>, &mut O) -> T + Sync,
     ) -> Option<Vec<T>> {
-        let before = &*film;
+        let each = samples.len();
+        let pixels: usize = tiles.iter().map(Window::len).sum();
+        // Zeroed memory is the system's until it is written to, and again at the end: what threads take stays in the heap.
+        let mut values = vec![0.0f32; 3 * pixels * each];
+        let mut rest: &mut [Rgb] = bytemuck::cast_slice_mut(&mut values);
+        let room = tiles.iter().map(|window| {
+            let (own, others) = std::mem::take(&mut rest).split_at_mut(window.len() * each);
+            rest = others;
+            Mutex::new(own)
+        });
+        let room: Vec<_> = room.collect();
+        let lock = |tile: u32| room[tile as usize].lock().expect("no thread panics");
         let pieces = Pieces::new(tiles.len() as u32, 1);
         let finished = self.run_recorded(pieces, recorder, |items, observer| {
-            let mut tile = before.cut(tiles[items.start as usize]);
-            let result = work(&mut tile, observer);
-            (tile, result)
+            let mut room = lock(items.start);
+            let mut tile = Tile {
+                window: tiles[items.start as usize],
+                values: room.iter_mut(),
+            };
+            work(&mut tile, observer)
         })?;
-        let results = finished.results.into_iter().map(|(_, (tile, result))| {
-            film.paste(&tile);
-            result
-        });
-        Some(results.collect())
+        let traced = finished.results.into_iter();
+        let (traced, results): (Vec<_>, Vec<_>) = traced.map(|(i, r)| (i.start, r)).unzip();
+        for some in traced.chunks(COPIED) {
+            let before = &*film;
+            let added = some.par_iter().map(|&tile| {
+                let mut copy = before.cut(tiles[tile as usize]);
+                for (k, value) in lock(tile).iter().enumerate() {
+                    copy.push(k / each, *value, samples.start + (k % each) as u32);
+                }
+                copy
+            });
+            let added: Vec<_> = added.collect();
+            added.iter().for_each(|tile| film.paste(tile));
+        }
+        Some(results)
     }
 
     /// True if a piece is to be left out.

@@ -61,6 +61,9 @@ impl Default for Estimator {
     }
 }
 
+/// Least bytes of a pixel that an estimator with light paths takes beside its film.
+const LIGHT_PATH_BYTES: u64 = 95;
+
 /// All that a picture depends on, apart from the view and the number of samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -198,7 +201,9 @@ impl Settings {
         let beside = match self.estimator {
             Estimator::Guided { .. } => guided::bytes(window.len()),
             Estimator::Mlt { .. } => metropolis::bytes(frame),
-            _ => 0,
+            Estimator::Path { .. } | Estimator::Manifold { .. } => 0,
+            // Light paths of a sample, whose number of vertices depends on the scene.
+            _ => window.len() as u64 * LIGHT_PATH_BYTES,
         };
         Picture::bytes(window, &self.amounts, recorded) + beside
     }

@@ -11,7 +11,7 @@ use super::spec::{Effect, OPTIONS, Spec};
 use super::value::Field;
 use crate::image::denoise::Denoiser;
 use crate::image::display::Display;
-use crate::image::exr::{self, Header, Layer, Metadata};
+use crate::image::exr::{self, Header, Layer, Metadata, Plane};
 use crate::image::film::Film;
 use crate::image::{Buffer, png};
 use crate::integrator::Picture;
@@ -214,26 +214,30 @@ impl Finished<'_> {
         one.then(|| self.film().relative_mean_error()).flatten()
     }
 
-    /// Layers of an EXR file beside the picture: those that were asked for, the picture before it was denoised, the choice of
+    /// Channels of an EXR file beside the picture: layers that were asked for, the picture before it was denoised, the choice of
     /// every pixel with its bias, variance and error, and every level where that is asked for.
-    pub(crate) fn layers(&self) -> Vec<Layer> {
-        let mut layers = self.outcome.aovs.clone();
-        let noisy = self.shown.noisy.as_ref();
-        layers.extend(noisy.map(|noisy| Layer::rgb("noisy", noisy)));
-        if let Some(resolved) = &self.shown.resolved {
-            layers.extend(resolved.layers());
+    fn channels(&self) -> Vec<Plane<'_>> {
+        let aovs = self.outcome.aovs.iter();
+        let mut channels: Vec<_> = aovs.flat_map(Layer::channels).collect();
+        let count = self.film().pixels.len();
+        if let Some(noisy) = &self.shown.noisy {
+            channels.extend(Plane::colour("noisy", count, |i| noisy.pixels[i]));
         }
-        let errors = self
-            .shown
-            .errors(self.film(), self.outcome.missing.as_ref());
-        layers.extend(errors.map(|errors| Layer::scalar("error", errors)));
+        if let Some(resolved) = &self.shown.resolved {
+            channels.extend(resolved.channels());
+        }
+        let missing = self.outcome.missing.as_ref();
+        if let Some(errors) = self.shown.errors(self.film(), missing) {
+            channels.push(Plane::new("error", "", errors.len(), move |i| errors[i]));
+        }
         if let Some(film) = &self.outcome.picture.levels
             && self.outcome.spec.aovs().contains(&Aov::EachLevel)
         {
-            let level = |k| Layer::rgb(&format!("level{k}"), &film.mean(k));
-            layers.extend((0..film.levels()).map(level));
+            channels.extend((0..film.levels()).flat_map(|k| {
+                Plane::colour(format!("level{k}"), count, move |i| film.mean_of(i, k))
+            }));
         }
-        layers
+        channels
     }
 
     /// Exposure and view of PNG files.
@@ -267,12 +271,14 @@ impl Finished<'_> {
                     storage: self.outcome.spec.exr.unwrap_or_default(),
                     world_to_camera: self.outcome.world_to_camera,
                 };
-                let (film, layers) = (self.film(), self.layers());
+                let (film, others) = (self.film(), self.channels());
                 if self.shown.resolved.is_some() || self.shown.noisy.is_some() {
                     let part = (film.size, film.window);
-                    exr::write_layers(file, part, &self.shown.picture, &layers, header)?;
+                    let picture = &self.shown.picture.pixels;
+                    let main = Plane::colour("", picture.len(), |i| picture[i]);
+                    exr::write(file, part, main.into_iter().chain(others), header)?;
                 } else {
-                    exr::write_film(file, film, &layers, header)?;
+                    exr::write_film_beside(file, film, others, header)?;
                 }
             }
         }

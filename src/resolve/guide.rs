@@ -420,6 +420,8 @@ impl Inner {
 
     /// Its part of a plane.
     pub(super) fn of<T: Copy>(&self, plane: &[T]) -> Vec<T> {
-        self.pixels().map(|i| plane[i]).collect()
+        let mut part = Vec::with_capacity(self.size.0 * self.size.1);
+        part.extend(self.pixels().map(|i| plane[i]));
+        part
     }
 }

@@ -44,7 +44,7 @@ mod tests;
 mod tiles;
 
 use crate::image::Buffer;
-use crate::image::exr::Layer;
+use crate::image::exr::Plane;
 use crate::image::film::Window;
 use crate::image::level_film::{BATCHES, LevelFilm, MAX_LEVELS};
 use crate::integrator::Picture;
@@ -185,15 +185,16 @@ impl Resolved {
         self.variance.iter().all(|v| v.is_finite())
     }
 
-    /// Layers for EXR files: `level`; where a film had an estimate of its noise `bias2` and `variance` too.
-    pub(crate) fn layers(&self) -> Vec<Layer> {
-        let level = self.level.iter().map(|&k| f32::from(k)).collect();
-        let mut layers = vec![Layer::scalar("level", level)];
+    /// Channels for EXR files: `level`; where a film had an estimate of its noise `bias2` and `variance` too.
+    pub(crate) fn channels(&self) -> Vec<Plane<'_>> {
+        let count = self.level.len();
+        let level = Plane::new("level", "", count, |i| f32::from(self.level[i]));
+        let mut channels = vec![level];
         if self.is_known() {
-            layers.push(Layer::scalar("bias2", self.bias2.clone()));
-            layers.push(Layer::scalar("variance", self.variance.clone()));
+            channels.push(Plane::new("bias2", "", count, |i| self.bias2[i]));
+            channels.push(Plane::new("variance", "", count, |i| self.variance[i]));
         }
-        layers
+        channels
     }
 
     /// Stated error of the picture, 1 if it is black.

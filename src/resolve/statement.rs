@@ -129,7 +129,7 @@ pub fn film_error(film: &Film) -> Statement {
     match state(film) {
         State::Unknown => Statement::UNKNOWN,
         State::Black => Statement::BLACK,
-        State::Lit => Statement::of(squares(film).into_iter(), mean_of(errors_of_film(film))),
+        State::Lit => Statement::of(squares(film), mean_of(errors_of_film(film))),
     }
 }
 
@@ -184,35 +184,33 @@ fn state(film: &Film) -> State {
 }
 
 /// Squared relative errors of the pixels of a film that is not black.
-fn squares(film: &Film) -> Vec<f64> {
+fn squares(film: &Film) -> impl Iterator<Item = f64> {
     let size = (film.window.w as usize, film.window.h as usize);
     let pixels = film.pixels.iter().map(|m| Block {
         pixels: 1.0,
         sum: m.mean,
         variance: m.variance_of_mean().element_sum(),
     });
-    let mut pyramid = vec![Blocks {
-        size,
-        blocks: pixels.collect(),
-    }];
+    let mut pyramid = vec![Blocks::halved(size, pixels)];
     while let Some(last) = pyramid.last()
         && last.blocks.len() > 1
     {
-        let above = last.halved();
+        let above = Blocks::halved(last.size, last.blocks.iter().copied());
         pyramid.push(above);
     }
-    let squared = |x: usize, y: usize| {
-        let mut blocks =
-            (pyramid.iter().enumerate().skip(1)).map(|(k, blocks)| blocks.at(x >> k, y >> k));
+    let squared = move |x: usize, y: usize| {
+        let mut blocks = (1..)
+            .zip(&pyramid)
+            .map(|(k, blocks)| blocks.at(x >> k, y >> k));
         let known = blocks.find(|block| block.is_known());
         let block = known.or(pyramid[pyramid.len() - 1].blocks.first());
         block.map_or(DVec3::ZERO, Block::square)
     };
-    let square = |(i, m): (usize, &Moments)| {
+    let pixels = film.pixels.iter().enumerate();
+    pixels.map(move |(i, m)| {
         let square = squared(i % size.0, i / size.0);
         (m.variance_of_mean() / (square + EPSILON)).element_sum() / 3.0
-    };
-    film.pixels.iter().enumerate().map(square).collect()
+    })
 }
 
 /// Sums over a block of pixels.
@@ -249,12 +247,11 @@ impl Blocks {
         &self.blocks[y * self.size.0 + x]
     }
 
-    /// Blocks of twice the side.
-    fn halved(&self) -> Self {
-        let (width, height) = self.size;
+    /// Blocks of twice the side as these, of a picture of this size in them.
+    fn halved((width, height): (usize, usize), all: impl Iterator<Item = Block>) -> Self {
         let size = (width.div_ceil(2), height.div_ceil(2));
         let mut blocks = vec![Block::default(); size.0 * size.1];
-        for (i, block) in self.blocks.iter().enumerate() {
+        for (i, block) in all.enumerate() {
             let sum = &mut blocks[i / width / 2 * size.0 + i % width / 2];
             sum.pixels += block.pixels;
             sum.sum += block.sum;

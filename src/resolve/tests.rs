@@ -701,7 +701,7 @@ fn film_without_a_noise_estimate_shows_level_0() {
         let resolved = resolve_film(&film, SHARP);
         assert_eq!(resolved.picture, film.mean(0));
         assert_eq!(resolved.statement().root, f64::INFINITY);
-        let names: Vec<_> = (resolved.layers().into_iter()).map(|l| l.name).collect();
+        let names: Vec<_> = (resolved.channels().into_iter()).map(|c| c.layer).collect();
         assert_eq!(names, ["level"], "an error of which nothing is known");
         for index in 0..2 {
             film.push(index, sample, &path(&[Rgb::ONE, Rgb::splat(0.5)]));
@@ -709,7 +709,7 @@ fn film_without_a_noise_estimate_shows_level_0() {
     }
     for sample in 2..5 {
         assert!(resolve_film(&film, SHARP).statement().root < 1e-6);
-        assert_eq!(resolve_film(&film, SHARP).layers().len(), 3);
+        assert_eq!(resolve_film(&film, SHARP).channels().len(), 3);
         for index in 0..2 {
             film.push(index, sample, &path(&[Rgb::ONE, Rgb::splat(0.5)]));
         }

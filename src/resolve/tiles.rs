@@ -149,9 +149,10 @@ fn surroundings(tile: &Window, reach: u32, window: &Window) -> Window {
 /// A tile with its surroundings. Pixels at edges that are not the film's own are wrong.
 struct Part<'a> {
     whole: &'a Shared<'a>,
-    cut: LevelFilm,
+    /// The tile with what is around it, in the film.
+    outer: Window,
     size: Size,
-    /// The pixels that have candidates, of those that are cut.
+    /// The pixels that have candidates, of all of them.
     inner: Inner,
     /// The tile, of those.
     tile: Inner,
@@ -167,7 +168,7 @@ impl<'a> Part<'a> {
         let place = |x: u32, y: u32| (x as usize, y as usize);
         Self {
             whole,
-            cut: whole.film.cut(outer),
+            outer,
             size: place(outer.w, outer.h),
             inner: Inner {
                 origin: place(inner.x - outer.x, inner.y - outer.y),
@@ -185,11 +186,13 @@ impl<'a> Part<'a> {
 
     /// Batches of the light of every pixel of a level, or of the shared light by the number of levels.
     fn light(&self, level: usize) -> Batches {
-        let own = |pixel, batch| self.cut.batch_mean(pixel, batch, level).into();
-        let pixels = 0..self.size.0 * self.size.1;
-        pixels
-            .map(|pixel| std::array::from_fn(|batch| own(pixel, batch)))
-            .collect()
+        let film = self.whole.film;
+        let window = film.window();
+        let own = |pixel: usize| {
+            let pixel = window.index(self.outer.pixel(pixel));
+            std::array::from_fn(|batch| film.batch_mean(pixel, batch, level).into())
+        };
+        (0..self.outer.len()).map(own).collect()
     }
 
     /// Batches of the light of every pixel of a level, less the shared light.
@@ -207,11 +210,11 @@ impl<'a> Part<'a> {
     }
 
     fn choose(&self) -> TileChoice {
-        let count = self.cut.levels();
+        let count = self.whole.film.levels();
         let shared = self.light(count);
         let level = |level| self.roughened(level, &shared);
         let all: Vec<Batches> = (0..count).map(level).collect();
-        let features = self.cut.features();
+        let features = self.whole.film.features_of(&self.outer);
         let weights = self.weights(&shared, &all[count - 1]);
         let size = self.inner.size;
         let limits = &self.whole.limits;
@@ -223,7 +226,7 @@ impl<'a> Part<'a> {
         let (shared, shared_batches) = p.blend(size, &candidates, mean);
         drop(candidates);
 
-        let candidates = self.of_roughened(&all, &features);
+        let candidates = self.of_roughened(all, features);
         let r = Choice::of(size, &candidates, &weights.0, limits.kappa[1], batches);
         let (roughened, rough_batches) = r.blend(size, &candidates, mean);
         let noise = |i: usize| {
@@ -296,7 +299,7 @@ impl<'a> Part<'a> {
             return all;
         }
         let mut capped = light.clone();
-        let keeps_glints = self.cut.levels() == 1;
+        let keeps_glints = self.whole.film.levels() == 1;
         if keeps_glints {
             let most = Vec3A::splat(GLINT / self.whole.gain);
             let batches = capped.iter_mut().flatten();
@@ -333,17 +336,20 @@ impl<'a> Part<'a> {
     }
 
     /// The light of roughened vertices: every level, and all but the first of several blurred.
-    fn of_roughened(&self, levels: &[Batches], features: &[Features]) -> Vec<Candidate> {
-        let missing = self.missing(levels);
+    fn of_roughened(&self, levels: Vec<Batches>, features: Vec<Features>) -> Vec<Candidate> {
+        let count = levels.len();
+        let missing = self.missing(&levels);
         let noise = |level: usize, times: f32| {
             let of = missing[level].iter();
             Some(of.map(|missing| missing.noise(times)).collect())
         };
-        let mut all: Vec<Candidate> = (levels.iter().enumerate())
+        let blurs = self.blurs(&levels, features);
+        // Light around the pixels that have candidates is gone before there are more of these.
+        let mut all: Vec<Candidate> = (levels.into_iter().enumerate())
             .take(self.whole.limits.levels)
             .map(|(level, light)| Candidate {
                 level: level as u8,
-                light: self.inner.of(light),
+                light: self.inner.of(&light),
                 sharper: (0..level).collect(),
                 missing: noise(level, 1.0),
                 blurred: false,
@@ -351,20 +357,48 @@ impl<'a> Part<'a> {
                 dark_side: false,
             })
             .collect();
+        // The first of several levels is too noisy for a blur; of the only one fireflies are.
+        let first = usize::from(count > 1);
+        for (sigma, blurred) in blurs {
+            for (number, light) in blurred.into_iter().enumerate() {
+                let level = number + first;
+                // Narrower blurs have less noise, so that they show a bias better than the picture as it is does.
+                let sharper = match count {
+                    1 => 0..all.len(),
+                    _ => 0..level + 1,
+                };
+                all.push(Candidate {
+                    level: level as u8,
+                    light,
+                    sharper: sharper.collect(),
+                    // A blur of s pixels averages about 1 + s² of them.
+                    missing: noise(level, 1.0 + sigma * sigma),
+                    blurred: true,
+                    doubted: count == 1,
+                    dark_side: false,
+                });
+            }
+        }
+        all
+    }
+
+    /// Blurs of the light of roughened vertices by their standard deviation: those of all levels but the first, or of the only one
+    /// without its fireflies.
+    fn blurs(&self, levels: &[Batches], features: Vec<Features>) -> Vec<(f32, Vec<Batches>)> {
         let sigmas = self.whole.limits.roughened;
         if sigmas.is_empty() {
-            return all;
+            return Vec::new();
         }
-        let guide = Guide::new(self.size, Surface::Rough, features);
-        // The first of several levels is too noisy for a blur; of the only one fireflies are.
+        let guide = Guide::new(self.size, Surface::Rough, &features);
+        drop(features);
         let mut only = Batches::new();
-        let (first, rough): (_, Vec<&Batches>) = match levels {
+        let rough: Vec<&Batches> = match levels {
             [one] => {
                 only.clone_from(one);
                 self.cap(&mut only);
-                (0, vec![&only])
+                vec![&only]
             }
-            _ => (1, levels.iter().skip(1).collect()),
+            _ => levels.iter().skip(1).collect(),
         };
         let wide = self.whole.limits.wide;
         let wide = wide.map(|sigma| (sigma, self.base(&guide, sigma, rough[0])));
@@ -377,27 +411,7 @@ impl<'a> Part<'a> {
             let wide = guide.blur_in_steps::<STEP>(rest(*sigma), &self.inner, &[base]);
             blurs.push((*sigma, wide));
         }
-        for (sigma, blurred) in blurs {
-            for (number, light) in blurred.into_iter().enumerate() {
-                let level = number + first;
-                // Narrower blurs have less noise, so that they show a bias better than the picture as it is does.
-                let sharper = match levels.len() {
-                    1 => 0..all.len(),
-                    _ => 0..level + 1,
-                };
-                all.push(Candidate {
-                    level: level as u8,
-                    light,
-                    sharper: sharper.collect(),
-                    // A blur of s pixels averages about 1 + s² of them.
-                    missing: noise(level, 1.0 + sigma * sigma),
-                    blurred: true,
-                    doubted: levels.len() == 1,
-                    dark_side: false,
-                });
-            }
-        }
-        all
+        blurs
     }
 
     /// A blur of [`BASE`] of all pixels that one of `sigma` takes values from.

@@ -9,6 +9,7 @@
 mod read;
 mod write;
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Buffer;
@@ -16,6 +17,7 @@ use crate::files::Problem;
 use crate::math::{Rgb, UVec2};
 
 pub use read::{read_film, read_layers, read_rgb};
+pub(crate) use write::{write, write_film_beside};
 pub use write::{write_film, write_layers, write_rgb};
 
 /// Pictures above this number of pixels are refused before memory is taken for them.
@@ -130,6 +132,12 @@ impl Layer {
         }
     }
 
+    /// Its channels, as they are written.
+    pub(crate) fn channels(&self) -> impl Iterator<Item = Plane<'_>> {
+        let channels = self.channels.iter();
+        channels.map(|(name, values)| Plane::new(&*self.name, name, values.len(), |i| values[i]))
+    }
+
     fn vector(name: &str, picture: &Buffer, names: [&'static str; 3]) -> Self {
         let channel = |i: usize| picture.pixels.iter().map(|p| p[i]).collect();
         Self {
@@ -140,6 +148,46 @@ impl Layer {
                 .map(|(i, n)| (n, channel(i)))
                 .collect(),
         }
+    }
+}
+
+/// Value of a channel, by the number of the pixel.
+type Value<'a> = Box<dyn Fn(usize) -> f32 + Sync + 'a>;
+
+/// A channel to write, whose values are made when they are asked for.
+pub(crate) struct Plane<'a> {
+    pub(crate) layer: Cow<'a, str>,
+    /// Name without the layer's; empty for the layer itself.
+    name: &'static str,
+    count: usize,
+    value: Value<'a>,
+}
+
+impl<'a> Plane<'a> {
+    /// A channel of `count` pixels.
+    pub(crate) fn new(
+        layer: impl Into<Cow<'a, str>>,
+        name: &'static str,
+        count: usize,
+        value: impl Fn(usize) -> f32 + Sync + 'a,
+    ) -> Self {
+        Self {
+            layer: layer.into(),
+            name,
+            count,
+            value: Box::new(value),
+        }
+    }
+
+    /// A colour: `layer.R`, `layer.G`, `layer.B`.
+    pub(crate) fn colour(
+        layer: impl Into<Cow<'a, str>>,
+        count: usize,
+        value: impl Fn(usize) -> Rgb + Copy + Sync + 'a,
+    ) -> [Self; 3] {
+        let layer = layer.into();
+        let channel = |place| Self::new(layer.clone(), RGB[place], count, move |i| value(i)[place]);
+        [0, 1, 2].map(channel)
     }
 }
 

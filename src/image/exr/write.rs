@@ -12,13 +12,14 @@ use ::exr::prelude as exrs;
 use exrs::WritableImage;
 
 use super::{
-    Compression, Header, Layer, MEAN_ERROR, METADATA, Metadata, RGB, join, problem, unsupported,
+    Compression, Header, Layer, MEAN_ERROR, METADATA, Metadata, Plane, Value, join, unsupported,
 };
 use crate::files::{self, FileError, Problem};
 use crate::image::Buffer;
 use crate::image::batches::Sharing;
-use crate::image::film::{Film, Window};
+use crate::image::film::{Film, LARGEST, Window};
 use crate::math::UVec2;
+use crate::math::moments::Moments;
 
 /// Writes a film: the picture, `sample_variance`, `variance_of_mean`, `spp`, and the layers given; in its metadata the
 /// standard error of its mean, where pixels share light paths.
@@ -28,12 +29,17 @@ pub fn write_film<'a>(
     layers: &[Layer],
     header: impl Into<Header<'a>>,
 ) -> Result<(), FileError> {
-    let own = [
-        Layer::rgb("sample_variance", &film.sample_variance()),
-        Layer::rgb("variance_of_mean", &film.variance_of_mean()),
-        Layer::scalar("spp", film.pixels.iter().map(|m| m.n as f32).collect()),
-    ];
-    let part = (film.size, film.window);
+    let others = layers.iter().flat_map(Layer::channels);
+    write_film_beside(path, film, others.collect(), header)
+}
+
+/// The same with channels that are made while they are written.
+pub(crate) fn write_film_beside<'a>(
+    path: &Path,
+    film: &Film,
+    others: Vec<Plane<'_>>,
+    header: impl Into<Header<'a>>,
+) -> Result<(), FileError> {
     let mut header = header.into();
     let mut metadata = header.metadata.clone();
     if film.sharing != Sharing::None
@@ -45,9 +51,15 @@ pub fn write_film<'a>(
         );
         header.metadata = &metadata;
     }
-    let all = own.iter().chain(layers);
-    let bytes = encoded(part, &film.mean(), all, header).map_err(|e| e.at(path))?;
-    files::write_bytes(path, bytes)
+    let (pixels, count) = (&film.pixels, film.pixels.len());
+    let mean = Plane::colour("", count, |i| pixels[i].mean.as_vec3());
+    let variance = |m: &Moments| m.sample_variance().min(LARGEST).as_vec3();
+    let variance = Plane::colour("sample_variance", count, move |i| variance(&pixels[i]));
+    let of_mean = |m: &Moments| m.variance_of_mean().min(LARGEST).as_vec3();
+    let of_mean = Plane::colour("variance_of_mean", count, move |i| of_mean(&pixels[i]));
+    let spp = Plane::new("spp", "", count, |i| pixels[i].n as f32);
+    let own = mean.into_iter().chain(variance).chain(of_mean).chain([spp]);
+    write(path, (film.size, film.window), own.chain(others), header)
 }
 
 /// Writes a picture of a part of a frame, and the layers given.
@@ -58,46 +70,57 @@ pub fn write_layers<'a>(
     layers: &[Layer],
     header: impl Into<Header<'a>>,
 ) -> Result<(), FileError> {
-    let bytes = encoded(part, picture, layers, header.into()).map_err(|e| e.at(path))?;
-    files::write_bytes(path, bytes)
+    let main = Plane::colour("", picture.pixels.len(), |i| picture.pixels[i]);
+    let channels = main
+        .into_iter()
+        .chain(layers.iter().flat_map(Layer::channels));
+    write(path, part, channels, header.into())
 }
 
 /// Writes a picture alone.
 pub fn write_rgb(path: &Path, picture: &Buffer, metadata: &Metadata) -> Result<(), FileError> {
     let size = UVec2::new(picture.width as u32, picture.height as u32);
-    let part = (size, Window::full(size));
-    let bytes = encoded(part, picture, &[], metadata.into()).map_err(|e| e.at(path))?;
-    files::write_bytes(path, bytes)
+    write_layers(path, (size, Window::full(size)), picture, &[], metadata)
 }
 
-/// The bytes of a file; frame and window come first.
-fn encoded<'a>(
-    (size, window): (UVec2, Window),
-    picture: &Buffer,
-    layers: impl IntoIterator<Item = &'a Layer>,
+/// Writes a file; frame and window come first. Lines are coded as they are written: a file takes no memory of its own.
+pub(crate) fn write<'a>(
+    path: &Path,
+    part: (UVec2, Window),
+    channels: impl IntoIterator<Item = Plane<'a>>,
     header: Header<'_>,
-) -> Result<Vec<u8>, Problem> {
+) -> Result<(), FileError> {
+    let image = image(part, channels, header).map_err(|e| e.at(path))?;
+    // On this thread: the pool that the crate makes for every file left holes in the heap, 8 % in an hour of saves.
+    files::write(path, |out| {
+        let written = image.write().non_parallel().to_buffered(out);
+        written.map_err(|error| match error {
+            ::exr::error::Error::Io(error) => error,
+            error => io::Error::other(error),
+        })
+    })
+}
+
+/// The content of a file.
+fn image<'a>(
+    (size, window): (UVec2, Window),
+    channels: impl IntoIterator<Item = Plane<'a>>,
+    header: Header<'_>,
+) -> Result<exrs::Image<exrs::Layer<exrs::AnyChannels<Pixels<'a>>>>, Problem> {
     let Header {
         metadata, storage, ..
     } = header;
-    let main = RGB.into_iter().enumerate();
-    let main = main.map(|(place, channel)| ("", channel, Values::Of(picture, place)));
-    let others = layers.into_iter().flat_map(|layer| {
-        let channels = layer.channels.iter();
-        channels.map(|(channel, values)| (&*layer.name, *channel, Values::Plane(values)))
-    });
     let mut list = Vec::new();
-    for (layer, channel, values) in main.chain(others) {
-        if values.len() != window.len() {
-            return Err(Problem::content(format!(
-                "layer '{layer}' has {} values, the picture {} pixels",
-                values.len(),
-                window.len()
-            )));
+    for channel in channels {
+        let (layer, count, pixels) = (&channel.layer, channel.count, window.len());
+        if count != pixels {
+            let what = format!("layer '{layer}' has {count} values, the picture {pixels} pixels");
+            return Err(Problem::content(what));
         }
         let half = storage.half && fits_half(layer);
-        let name = text(&join(layer, channel))?;
-        list.push(exrs::AnyChannel::new(name, Pixels { values, half }));
+        let name = text(&join(layer, channel.name))?;
+        let value = channel.value;
+        list.push(exrs::AnyChannel::new(name, Pixels { value, half }));
     }
 
     let mut attributes = exrs::LayerAttributes {
@@ -128,51 +151,18 @@ fn encoded<'a>(
         encoding,
         exrs::AnyChannels::sort(list.into_iter().collect()),
     );
-    let image = exrs::Image {
+    Ok(exrs::Image {
         attributes: exrs::ImageAttributes {
             chromaticities: Some(REC_709),
             ..exrs::ImageAttributes::with_size((size.x as usize, size.y as usize))
         },
         layer_data: part,
-    };
-
-    let mut bytes = io::Cursor::new(Vec::new());
-    // On this thread: the pool that the crate makes for every file left holes in the heap, 8 % in an hour of saves.
-    image
-        .write()
-        .non_parallel()
-        .to_buffered(&mut bytes)
-        .map_err(problem)?;
-    Ok(bytes.into_inner())
+    })
 }
 
-/// Values of a channel, where they are.
-#[derive(Clone, Copy)]
-enum Values<'a> {
-    Plane(&'a [f32]),
-    /// The component of a picture with this number.
-    Of(&'a Buffer, usize),
-}
-
-impl Values<'_> {
-    fn len(self) -> usize {
-        match self {
-            Self::Plane(values) => values.len(),
-            Self::Of(picture, _) => picture.pixels.len(),
-        }
-    }
-
-    fn at(self, pixel: usize) -> f32 {
-        match self {
-            Self::Plane(values) => values[pixel],
-            Self::Of(picture, place) => picture.pixels[pixel][place],
-        }
-    }
-}
-
-/// A channel that is read line by line while it is written: a file takes no copy of the picture.
+/// A channel that is made line by line while it is written: a file takes no copy of the picture.
 struct Pixels<'a> {
-    values: Values<'a>,
+    value: Value<'a>,
     half: bool,
 }
 
@@ -191,10 +181,9 @@ impl<'a> WritableSamples<'a> for Pixels<'_> {
     }
 
     fn create_samples_writer(&'a self, header: &FileHeader) -> Lines<'a> {
-        let Self { values, half } = *self;
         Lines {
-            values,
-            half,
+            value: &self.value,
+            half: self.half,
             width: header.layer_size.width(),
         }
     }
@@ -202,7 +191,7 @@ impl<'a> WritableSamples<'a> for Pixels<'_> {
 
 /// Lines of a channel.
 struct Lines<'a> {
-    values: Values<'a>,
+    value: &'a Value<'a>,
     half: bool,
     width: usize,
 }
@@ -211,7 +200,7 @@ impl SamplesWriter for Lines<'_> {
     fn extract_line(&self, line: LineRefMut<'_>) {
         let position = line.location.position;
         let first = position.y() * self.width + position.x();
-        let value = |x: usize| self.values.at(first + x);
+        let value = |x: usize| (self.value)(first + x);
         let half = |x: usize| exrs::f16::from_f32(value(x).clamp(-HALF_MAX, HALF_MAX));
         let done = match self.half {
             true => line.write_samples(half),

@@ -18,6 +18,27 @@ fn push(film: &mut LevelFilm, index: usize, samples: Range<u32>) {
     samples.for_each(|sample| film.push(index, sample, &PATH));
 }
 
+impl LevelFilm {
+    /// A film of `tile` with this film's sums so far. Panics if the tile leaves the window.
+    fn cut(&self, tile: Window) -> Self {
+        let mut cut = Self::new(self.size, tile, self.levels);
+        let stride = BATCHES * (self.levels + 1);
+        for row in 0..tile.h {
+            let (mine, theirs, w) = self.row(&tile, row);
+            cut.counts[theirs..theirs + w].copy_from_slice(&self.counts[mine..mine + w]);
+            cut.features[theirs..theirs + w].copy_from_slice(&self.features[mine..mine + w]);
+            cut.sums[theirs * stride..(theirs + w) * stride]
+                .copy_from_slice(&self.sums[mine * stride..(mine + w) * stride]);
+            if let Some(all) = &self.carried {
+                let blank = || Carried::new(tile.len(), self.levels);
+                let part = cut.carried.get_or_insert_with(blank);
+                part.copy(theirs, all, mine, w, stride);
+            }
+        }
+        cut
+    }
+}
+
 #[test]
 fn complete_film_lends_an_empty_batch_the_others_mean() {
     let size = UVec2::new(20, 10);

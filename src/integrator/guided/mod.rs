@@ -14,7 +14,7 @@ mod directions;
 mod field;
 pub mod quadtree;
 
-use super::pieces::Driver;
+use super::pieces::{Driver, Tile};
 use super::walk::Walk;
 use super::walk::camera::trace_tile;
 use super::walk::observer::Recorder;
@@ -150,7 +150,7 @@ impl GuidedPaths<'_> {
         tracer: &PathTracer<R>,
         (field, mut training): (&Field, Option<&mut TrainingSamples>),
         samples: Range<u32>,
-        tile: &mut Film,
+        tile: &mut Tile<'_>,
         observer: &mut O,
     ) {
         let radiance =
@@ -193,11 +193,11 @@ impl State {
         let tiles = film.tiles(TILE);
         let rest = samples.start.max(LEARNING)..samples.end;
         learned
-            + driver.samples(rest, u32::MAX, |rest| {
-                let trace = |tile: &mut Film, observer: &mut O| {
+            + driver.samples(rest, Tile::samples_at_once(film), |rest| {
+                let trace = |tile: &mut Tile<'_>, observer: &mut O| {
                     paths.trace(tracer, (&self.field, None), rest.clone(), tile, observer);
                 };
-                driver.run_tiles(&tiles, film, recorder, trace)?;
+                driver.run_tiles(&tiles, &rest, film, recorder, trace)?;
                 self.samples = rest.end;
                 Some(())
             })
@@ -213,14 +213,15 @@ impl State {
         recorder: &mut O,
     ) {
         let mut records = Vec::new();
+        let one = sample..sample + 1;
         for batch in film.tiles(TILE).chunks(BATCH) {
-            let trace = |tile: &mut Film, observer: &mut O| {
+            let trace = |tile: &mut Tile<'_>, observer: &mut O| {
                 let mut training = TrainingSamples::default();
                 let guide = (&self.field, Some(&mut training));
-                paths.trace(tracer, guide, sample..sample + 1, tile, observer);
+                paths.trace(tracer, guide, one.clone(), tile, observer);
                 training.records
             };
-            let found = Driver::default().run_tiles(batch, film, recorder, trace);
+            let found = Driver::default().run_tiles(batch, &one, film, recorder, trace);
             records.clear();
             records.extend(found.into_iter().flatten().flatten());
             self.field.add(&records);

@@ -4,6 +4,7 @@ use super::PathTracer;
 use super::directions::{BsdfAlone, Directions};
 use crate::image::film::Film;
 use crate::integrator::View;
+use crate::integrator::pieces::Tile;
 use crate::integrator::walk::Walk;
 use crate::integrator::walk::camera::trace_tile;
 use crate::integrator::walk::observer::Recorder;
@@ -48,11 +49,12 @@ impl<R: Roughening> PathTracer<R> {
         let radiance = |walk: Walk<'_>, sample, stream: &mut Q::Stream, observer: &mut O| {
             self.radiance_by(&mut directions(), walk, sample, stream, observer)
         };
-        driver.samples(samples, u32::MAX, |samples| {
-            let trace = |tile: &mut Film, observer: &mut O| {
+        driver.samples(samples, Tile::samples_at_once(film), |samples| {
+            let trace = |tile: &mut Tile<'_>, observer: &mut O| {
                 trace_tile(view, source, samples.clone(), tile, observer, radiance);
             };
-            driver.run_tiles(&tiles, film, recorder, trace).map(|_| ())
+            let results = driver.run_tiles(&tiles, &samples, film, recorder, trace);
+            results.map(|_| ())
         })
     }
 }

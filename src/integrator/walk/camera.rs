@@ -1,9 +1,9 @@
-//! Walks from the camera, and those of all pixels of a tile of a film.
+//! Walks from the camera, and those of all pixels of a tile.
 
 use super::observer::PathObserver;
 use super::{Surroundings, Walk};
-use crate::image::film::Film;
 use crate::integrator::View;
+use crate::integrator::pieces::Tile;
 use crate::math::{Rgb, UVec2};
 use crate::sampler::{SampleSource, Sampler};
 use std::ops::Range;
@@ -42,19 +42,19 @@ impl<'a> CameraWalks<'a> {
     }
 }
 
-/// Adds the samples with these numbers to every pixel of a tile. `radiance` is what arrives along a walk, by the number of
+/// Traces the samples with these numbers of every pixel of a tile. `radiance` is what arrives along a walk, by the number of
 /// the sample.
 pub(in crate::integrator) fn trace_tile<'a, Q: SampleSource, O: PathObserver>(
     view: &View<'a>,
     source: &Q,
     samples: Range<u32>,
-    tile: &mut Film,
+    tile: &mut Tile<'_>,
     observer: &mut O,
     mut radiance: impl FnMut(Walk<'a>, u32, &mut Q::Stream, &mut O) -> Rgb,
 ) {
     let walks = CameraWalks::of(view);
-    for index in 0..tile.pixels.len() {
-        let pixel = tile.pixel(index);
+    for index in 0..tile.window.len() {
+        let pixel = tile.window.pixel(index);
         for sample in samples.clone() {
             if observer.stopped() {
                 return;
@@ -62,8 +62,7 @@ pub(in crate::integrator) fn trace_tile<'a, Q: SampleSource, O: PathObserver>(
             let mut stream = source.stream(pixel, sample);
             let walk = walks.start(pixel, &mut stream);
             observer.begin(pixel, sample);
-            let value = radiance(walk, sample, &mut stream, observer);
-            tile.push(index, value, sample);
+            tile.push(radiance(walk, sample, &mut stream, observer));
         }
     }
 }
