@@ -67,6 +67,8 @@ def drive(page, opsr, scene, folder):
     done(page)
     first = picture(page)
     assert first.std() > 10, "the picture is one colour"
+    shown = "document.querySelector('#integrator').selectedOptions[0].textContent"
+    assert page.evaluate(shown) == "auto"
 
     # Turn by mouse, by keys, and back.
     box = page.locator("#stage").bounding_box()
@@ -97,6 +99,7 @@ def drive(page, opsr, scene, folder):
     assert abs(brightness(picture(page)) / before - 1) < 0.1, "the integrators disagree"
     another(page, lambda: page.select_option("#integrator", ""))
     another(page, lambda: page.select_option("#roughening", "beta-0.05"))
+    assert page.evaluate(shown) == "path"
 
     # An overlay, and back.
     plain = picture(page)

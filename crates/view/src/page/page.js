@@ -588,7 +588,12 @@ function adopt() {
       const scale = scales[input.dataset.scale];
       input.value = value === undefined ? 0 : scale ? scale[1](value) : value;
       showRange(input);
-    } else input.value = value ?? (input.tagName === "SELECT" ? input.options[0]?.value ?? "" : "");
+    } else {
+      const values = [...(input.options ?? [])].map((choice) => choice.value);
+      // A table without an integrator is for path tracing; else what is not given is chosen, and has an empty value.
+      const usual = input.dataset.option === "integrator" && options.table !== undefined ? "path" : "";
+      input.value = value ?? (values.length === 0 || values.includes(usual) ? usual : values[0]);
+    }
   }
   // Only when it changes: a distance may be typed before its radius.
   if (lensShown !== (options.lens ?? "")) {
