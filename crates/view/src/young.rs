@@ -71,15 +71,21 @@ impl Young {
             let mut picture = blank.map_err(|e| Fault::option("size", e))?;
             let mut integrator = settings.integrator();
             let mut samples = 0;
-            let more = if scale == HALF { SHOWN_AT.len() } else { 1 };
-            for end in SHOWN_AT.into_iter().take(more) {
+            let ends = match coarsest {
+                // The picture of another method with more samples is there already.
+                Some(_) => &SHOWN_AT[1..],
+                None if scale == HALF => &SHOWN_AT,
+                None => &SHOWN_AT[..1],
+            };
+            for &end in ends {
                 let pass = Instant::now();
                 if integrator.pass(&view, samples..end, &mut picture) < end - samples {
                     return Ok(false);
                 }
                 let shown = Shown::of(&picture, &request.spec, denoiser.as_ref())?;
                 if samples == 0 {
-                    let took = pass.elapsed().as_secs_f64() / view.window.len() as f64;
+                    let passes = f64::from(end / SHOWN_AT[0]);
+                    let took = pass.elapsed().as_secs_f64() / (passes * view.window.len() as f64);
                     // Slowly down: a corner of the scene may be empty.
                     cost = took.max(0.8 * cost);
                     self.cost = Some((settings.estimator, cost));
