@@ -129,7 +129,11 @@ impl Renderer<'_> {
             return Ok(());
         }
         let other = match options.other_spec()? {
-            Some(spec) => Some(prepared(&spec, look, subject)?.0),
+            Some(spec) => {
+                let mut other = prepared(&spec, look, subject)?.0;
+                self.take_choice(&mut other);
+                Some(other)
+            }
             None => None,
         };
         self.refine(request, other, &viewpoint, run)
@@ -244,7 +248,6 @@ impl Renderer<'_> {
                 state.words_number += 1;
             });
             let go_on = || !hub.disturbed.load(Ordering::Relaxed);
-            self.take_choice(&mut request);
             let Some(begun) = request.begin(&go_on)? else {
                 return Ok(None);
             };
@@ -258,17 +261,7 @@ impl Renderer<'_> {
                 }
                 state.words_number += 1;
             });
-            runs.push(Run {
-                integrator: request.settings.integrator(),
-                picture: begun.picture,
-                request,
-                samples: 0,
-                seconds: 0.0,
-                length: 1,
-                offered: None,
-                shown: 0,
-                over: over.clone(),
-            });
+            runs.push(Run::new(request, begun.picture, over.clone()));
         }
         Ok(Some(runs))
     }
@@ -357,7 +350,22 @@ impl Renderer<'_> {
     }
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
+    /// A render without a sample.
+    fn new(request: Request<'a>, picture: Picture, over: Arc<AtomicBool>) -> Self {
+        Self {
+            integrator: request.settings.integrator(),
+            picture,
+            request,
+            samples: 0,
+            seconds: 0.0,
+            length: 1,
+            offered: None,
+            shown: 0,
+            over,
+        }
+    }
+
     /// Adds a pass; false if it was broken off.
     fn step(&mut self, hub: &Hub) -> bool {
         let stop = Stop::when(&hub.disturbed);

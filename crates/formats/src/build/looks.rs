@@ -168,7 +168,7 @@ pub fn nothing() -> Material {
 const MOST: u32 = 8192;
 
 /// Texels of a side of blended fields: enough for the slope of heights.
-pub const BLENDED: u32 = 64;
+const BLENDED: u32 = 64;
 
 impl Builder {
     /// Adds a texture.
@@ -374,7 +374,8 @@ impl Builder {
         })
     }
 
-    /// A texture of two by two fields, the first at the origin, then along u: of sharp edges, or blended from middle to middle.
+    /// A texture of four colours, the first at the origin, then along u: fields of half a side, or blended between the corners of
+    /// [0, 1]².
     pub fn fields(&mut self, colours: [Rgb; 4], sharp: bool, transform: Affine2) -> Paint {
         // Fine enough that interpolation between texels hardly shows at the edges.
         let (side, wrap) = if sharp {
@@ -394,6 +395,13 @@ impl Builder {
             let row = |i: usize| colours[i].lerp(colours[i + 1], at.x);
             (row(0).lerp(row(2), at.y) / most).extend(1.0).to_array()
         });
+        // Corners are the middles of the outermost texels.
+        let texel = 1.0 / BLENDED as f32;
+        let (scale, shift) = (Vec2::splat(1.0 - texel), Vec2::splat(0.5 * texel));
+        let transform = match sharp {
+            true => transform,
+            false => Affine2::from_scale_angle_translation(scale, 0.0, shift) * transform,
+        };
         let wrap = [wrap; 2];
         let map = TextureRef {
             texture: self.add_texture(Texture { wrap, ..texture }),

@@ -15,7 +15,7 @@ enum Kind {
     Planar([DVec3; 2], DVec2),
     Spherical,
     Cylindrical,
-    /// That of version 3: of the direction to the point.
+    /// Angle and height of the direction to the point, as version 3 has it.
     OldCylindrical,
 }
 

@@ -5,7 +5,7 @@ use super::super::images::Use;
 use super::Scene;
 use super::tokens::{Parameter, Parameters, Values};
 use crate::build::colour::{Spectrum, black_body, rec709};
-use crate::build::looks::{BLENDED, Paint};
+use crate::build::looks::Paint;
 use crate::build::metals;
 use glam::{Affine2, DMat3, DVec3, Vec2};
 use opsr::math::Rgb;
@@ -297,14 +297,9 @@ impl Scene<'_> {
 
     /// Four colours at the corners of [0, 1]², or in fields of that size.
     fn fields(&mut self, parameters: &Parameters, colours: [Rgb; 4], sharp: bool) -> Result<Paint> {
-        // Two sharp fields are a side of the texture. Blended ones reach from the middle of its first texel to that of the last.
-        let texel = 1.0 / BLENDED as f32;
-        let [scale, shift] = match sharp {
-            true => [0.5, 0.0],
-            false => [1.0 - texel, 0.5 * texel],
-        };
-        let (scale, shift) = (Vec2::splat(scale), Vec2::splat(shift));
-        let own = Affine2::from_scale_angle_translation(scale, 0.0, shift);
+        // Two sharp fields are a side of the texture.
+        let scale = if sharp { 0.5 } else { 1.0 };
+        let own = Affine2::from_scale(Vec2::splat(scale));
         let (upward, second) = self.upward(parameters)?;
         let paint = (self.context.builder).fields(colours, sharp, own * upward);
         let map = paint.map.map(|map| TextureRef { second, ..map });

@@ -106,17 +106,7 @@ fn first_sample_of_a_frame_waits_for_the_second() {
         |renderer, request, viewpoint| {
             let amounts = &request.settings.amounts;
             let blank = Picture::blank(FRAME, request.window, amounts, Recorded::default());
-            let mut run = Run {
-                integrator: request.settings.integrator(),
-                picture: blank.expect("a film"),
-                request,
-                samples: 0,
-                seconds: 0.0,
-                length: 1,
-                offered: None,
-                shown: 0,
-                over: Arc::default(),
-            };
+            let mut run = Run::new(request, blank.expect("a film"), Arc::default());
             for (samples, last, offered) in [(1, false, false), (2, false, true), (1, true, true)] {
                 (run.samples, run.shown, run.offered) = (samples, 0, None);
                 renderer.offer(&mut run, 0, viewpoint, 0, last);
