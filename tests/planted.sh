@@ -120,6 +120,10 @@ plant "Sobol points that are not scrambled" src/sampler/sobol.rs \
     's/scramble\(digits\[d\], seeds\[d\]\)/digits[d]/' lib::sampler::sobol::tests::chi_square_of_one_sample_over_sequences
 plant "one order for all sets of a path" src/sampler/sobol.rs \
     's/u64::from\(set\)\.wrapping_mul/0u64.wrapping_mul/' sampler::agreement_of_sobol_and_independent_samples
+plant "the same light paths for every sample" src/sampler/mod.rs \
+    's/seed\.0 \^ block \^ u64::from\(sample\)/seed.0 ^ block/' lib::sampler::tests::light_paths_of_neighbours_cover_directions
+plant "light paths in the order of lines" src/sampler/mod.rs \
+    's/Sequence::new\(key, interleaved\(x, y\)\)/Sequence::new(key, path)/' lib::sampler::tests::light_paths_of_neighbours_cover_directions
 plant "a guided direction weighed by its BSDF alone" src/integrator/guided/directions.rs \
     's/self\.share \* pdf_w \+ \(1\.0 - self\.share\) \* region\.tree\.pdf\(wi\)/pdf_w/' \
     guided::agreement_of_guided_paths_with_path

@@ -58,6 +58,8 @@ pub(crate) struct Row {
     pub(crate) part_of: &'static [IntegratorKind],
     /// Rules that it takes.
     pub(crate) modes: &'static [Mode],
+    /// True if its paths can draw Sobol points.
+    pub(crate) takes_sobol: bool,
 }
 
 impl Row {
@@ -69,6 +71,7 @@ impl Row {
         blind: Blind::ToPoints,
         part_of: &[IntegratorKind::Bdpt, IntegratorKind::Vcm],
         modes: &Mode::ALL,
+        takes_sobol: true,
     };
     /// An estimator without rules, whose strategies are no part of another one's.
     const ALONE: Self = Self {
@@ -110,6 +113,7 @@ estimators! {
     /// Path tracing with directions from a guide too, which learns while rendering where light comes from.
     Guided = Row {
         estimator: Estimator::Guided { unbiased: false },
+        takes_sobol: false,
         ..Row::ALONE
     };
     /// Path tracing that seeks lights by way of a smooth mirror, out of water or through a smooth body of glass too (specular
@@ -157,6 +161,7 @@ estimators! {
         estimator: Estimator::Mlt { mutations: MUTATIONS },
         // Of a mutation.
         cost: [3.0, 0.0],
+        takes_sobol: false,
         modes: &[Mode::Default, Mode::Mollifier],
         ..Row::ALONE
     };

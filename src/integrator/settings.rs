@@ -75,8 +75,8 @@ pub struct Settings {
     pub amounts: Amounts,
     /// The only part of the strategies of `bdpt` or `vcm` that the picture shows, with its weights; without a rule.
     pub strategy: Option<Strategy>,
-    /// Random numbers of camera paths, of path tracing only: other estimators have independent ones. Independent by
-    /// default, so that variances of a film are unbiased estimates; of Sobol points they are upper bounds.
+    /// Random numbers of paths; those of `guided` and `mlt` are independent, and those of camera paths beside light paths in raw
+    /// means. Independent by default, so that variances of a film are unbiased estimates; of Sobol points they are upper bounds.
     pub sampler: SamplerKind,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
@@ -154,7 +154,7 @@ impl Settings {
         })
     }
 
-    /// Numbers of the camera paths of path tracing: independent from batch to batch where there are batches.
+    /// Numbers of camera paths: independent from batch to batch where there are batches.
     pub(crate) fn source(&self) -> CameraSource {
         let batches = match self.amounts.has_batches() {
             true => BATCHES,
@@ -192,6 +192,7 @@ impl Settings {
             max_vertices: self.max_vertices,
             roulette_start: self.roulette_start,
             seed: self.seed,
+            sampler: self.sampler,
             aimed: Aimed::default(),
         }
     }
@@ -358,11 +359,7 @@ impl Settings {
         if let Some(strategy) = strategy {
             rule += &format!(", strategy {strategy} alone");
         }
-        let sampled = matches!(
-            estimator,
-            Estimator::Path { .. } | Estimator::Manifold { .. }
-        );
-        if !sampler.is_independent() && sampled {
+        if !sampler.is_independent() && estimator.kind().row().takes_sobol {
             rule += &format!(", {sampler:?}");
         }
         format!(

@@ -329,7 +329,6 @@ impl Spec {
                 radius: self.radius.filter(|_| merges),
                 radius_alpha: self.radius_alpha.filter(|_| merges),
                 connections: self.connections.filter(|_| kind == Vcm),
-                sampler: self.sampler.filter(|_| kind == Path),
                 table: None,
                 table_scale: None,
                 lookup: None,

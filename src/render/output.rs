@@ -23,8 +23,7 @@ impl Request<'_> {
             ("mode", word(&self.own().mode.unwrap_or_default())),
             ("max_vertices", self.settings.max_vertices.to_string()),
         ];
-        let sampled = matches!(self.kind, IntegratorKind::Path | IntegratorKind::Manifold);
-        if sampled && !self.settings.sampler.is_independent() {
+        if self.kind.row().takes_sobol && !self.settings.sampler.is_independent() {
             choices.push(("sampler", word(&self.settings.sampler)));
         }
         choices.extend(self.amounts());

@@ -15,7 +15,7 @@ use crate::image::display::ViewTransform;
 use crate::image::exr::Storage;
 use crate::integrator::bidirectional::Strategy;
 use crate::integrator::method::IntegratorKind::{
-    self, Auto, Bdpt, Guided, Manifold, Mlt, Path, Sppm, Vcm,
+    self, Auto, Bdpt, Guided, Light, Manifold, Mlt, Path, Sppm, Vcm,
 };
 use crate::integrator::method::{Connections, Mode};
 use crate::regularise::Lookup;
@@ -340,8 +340,8 @@ options! {
     /// included, such as 0,3 (a light that the camera meets), 1,2 (light sampling) or 3,1 (light tracing); or `merges` of
     /// vcm. The pictures of all strategies add up to the whole.
     strategy: Strategy, Research { value: "S,T|merges", excludes: &["table"], of: &[Bdpt, Vcm] }
-    /// Random numbers of camera paths of path and manifold; independent in a suite that does not say.
-    sampler: SamplerKind, Research { value: "KIND", default: Some("sobol"), of: &[Path, Manifold, Auto] }
+    /// Random numbers of paths, but of guided and mlt; independent in a suite that does not say.
+    sampler: SamplerKind, Research { value: "KIND", default: Some("sobol"), of: &[Path, Manifold, Light, Bdpt, Vcm, Sppm, Auto] }
 
     /// Add layers to EXR files; by default albedo, normal, depth. `each-level` adds every level as a layer `level0`, `level1` and so on.
     aov: Layers, Files { value: "LAYERS", bare: Some(Layers::USUAL), effect: Effect::Files, common: true }

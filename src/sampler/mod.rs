@@ -93,6 +93,19 @@ impl From<[f32; 3]> for LightU {
     }
 }
 
+/// Uniform random numbers in [0, 1) that start a light path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EmissionU {
+    /// Choice of the light, and of what light is aimed at; with 53 bits.
+    pub pick: f64,
+    /// Point on the light, or across the scene for a light at infinity.
+    pub point: Vec2,
+    /// Direction, aimed or not.
+    pub direction: Vec2,
+    /// Choice of the side that emits.
+    pub side: f32,
+}
+
 /// Uniform random numbers in [0, 1) of one scattering vertex, named by use.
 #[derive(Clone, Copy, Debug)]
 pub struct VertexU {
@@ -121,6 +134,18 @@ pub trait Sampler {
     fn next_pick(&mut self) -> f64 {
         let bits = u64::from(self.next_bits()) << 32 | u64::from(self.next_bits());
         (bits >> 11) as f64 * (0.5 * f64::EPSILON)
+    }
+
+    /// Numbers that start a light path.
+    fn emission(&mut self) -> EmissionU {
+        let pick = self.next_pick();
+        let [x, y, u, v, side] = std::array::from_fn(|_| self.next_1d());
+        EmissionU {
+            pick,
+            point: Vec2::new(x, y),
+            direction: Vec2::new(u, v),
+            side,
+        }
     }
 
     /// Position in the pixel at which the path starts, in [0, 1)².
@@ -209,7 +234,7 @@ impl Sampler for IndependentStream {
     }
 }
 
-/// Kind of random numbers of camera paths.
+/// Kind of random numbers of paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
@@ -217,7 +242,8 @@ pub enum SamplerKind {
     /// Independent samples.
     #[default]
     Independent,
-    /// Owen-scrambled Sobol points: samples of a pixel that cover it, lights and lobes evenly.
+    /// Owen-scrambled Sobol points: samples of a pixel that cover it, lights and lobes evenly, and light paths of neighbouring
+    /// pixels that leave lights evenly.
     Sobol,
 }
 
@@ -262,13 +288,113 @@ impl CameraSource {
     }
 }
 
+/// Numbers of light paths.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LightSource {
+    /// Numbers that no sequence has.
+    independent: Independent,
+    /// Seed of the sequences of Sobol points, one a sample; `None` for independent samples.
+    sequences: Option<Seed>,
+    /// Pixels of a line of the frame.
+    columns: u32,
+}
+
+impl LightSource {
+    /// Numbers of a render with this seed, one light path for each pixel of a frame with lines of `columns` pixels.
+    pub(crate) fn new(kind: SamplerKind, seed: Seed, columns: u32) -> Self {
+        Self {
+            independent: Independent {
+                seed: seed.derive(Domain::Light, 0),
+            },
+            sequences: (!kind.is_independent()).then(|| seed.derive(Domain::Sobol, 1)),
+            columns,
+        }
+    }
+
+    /// Stream of a light path of sample number `sample`. Points of a sequence are in the order of a Z-curve through the pixels, so
+    /// that the light paths of every aligned square of 2^m x 2^m pixels are an aligned run. Samples are independent.
+    pub(crate) fn stream(&self, path: u32, sample: u32) -> LightStream {
+        let sequence = self.sequences.map(|seed| {
+            let (x, y) = (path % self.columns, path / self.columns);
+            let block = u64::from(y >> 16) << 48 | u64::from(x >> 16) << 32;
+            let key = mix(seed.0 ^ block ^ u64::from(sample));
+            sobol::Sequence::new(key, interleaved(x, y))
+        });
+        LightStream {
+            rest: self.independent.stream(UVec2::new(path, 0), sample),
+            vertices: Vertices::of(sequence),
+        }
+    }
+}
+
+/// The lower 16 bits of two numbers in turns, those of `x` first.
+fn interleaved(x: u32, y: u32) -> u32 {
+    let spread = |n: u32| {
+        let n = n & 0xffff;
+        let n = (n | n << 8) & 0x00ff_00ff;
+        let n = (n | n << 4) & 0x0f0f_0f0f;
+        let n = (n | n << 2) & 0x3333_3333;
+        (n | n << 1) & 0x5555_5555
+    };
+    spread(x) | spread(y) << 1
+}
+
+/// A sequence of Sobol points, if there is one, and the vertices drawn from it.
+#[derive(Clone, Debug)]
+struct Vertices {
+    sequence: Option<sobol::Sequence>,
+    drawn: u32,
+}
+
+impl Vertices {
+    fn of(sequence: Option<sobol::Sequence>) -> Self {
+        Self { sequence, drawn: 0 }
+    }
+
+    /// Numbers of the next vertex, those of later ones from `rest`.
+    #[inline]
+    fn next(&mut self, rest: &mut IndependentStream) -> VertexU {
+        match &self.sequence {
+            Some(sequence) if self.drawn < sobol::VERTICES => {
+                self.drawn += 1;
+                sequence.vertex(self.drawn - 1)
+            }
+            _ => rest.vertex(),
+        }
+    }
+}
+
 /// Stream of [`CameraSource`].
 #[derive(Clone, Debug)]
 pub struct CameraStream {
     rest: IndependentStream,
-    sequence: Option<sobol::Sequence>,
-    /// Vertices drawn.
-    vertices: u32,
+    vertices: Vertices,
+}
+
+/// Stream of [`LightSource`]. Points on the lens are independent, since every vertex draws one.
+#[derive(Clone, Debug)]
+pub(crate) struct LightStream {
+    rest: IndependentStream,
+    vertices: Vertices,
+}
+
+impl Sampler for LightStream {
+    #[inline]
+    fn next_bits(&mut self) -> u32 {
+        self.rest.next_bits()
+    }
+
+    fn emission(&mut self) -> EmissionU {
+        match &self.vertices.sequence {
+            Some(sequence) => sequence.emission(),
+            None => self.rest.emission(),
+        }
+    }
+
+    #[inline]
+    fn vertex(&mut self) -> VertexU {
+        self.vertices.next(&mut self.rest)
+    }
 }
 
 impl SampleSource for CameraSource {
@@ -282,8 +408,7 @@ impl SampleSource for CameraSource {
         });
         CameraStream {
             rest: self.independent.stream(pixel, sample),
-            sequence,
-            vertices: 0,
+            vertices: Vertices::of(sequence),
         }
     }
 }
@@ -295,14 +420,14 @@ impl Sampler for CameraStream {
     }
 
     fn film(&mut self) -> Vec2 {
-        match &self.sequence {
+        match &self.vertices.sequence {
             Some(sequence) => sequence.film(),
             None => self.rest.film(),
         }
     }
 
     fn lens(&mut self) -> Vec2 {
-        match &self.sequence {
+        match &self.vertices.sequence {
             Some(sequence) => sequence.lens(),
             None => self.rest.lens(),
         }
@@ -310,13 +435,7 @@ impl Sampler for CameraStream {
 
     #[inline]
     fn vertex(&mut self) -> VertexU {
-        match &self.sequence {
-            Some(sequence) if self.vertices < sobol::VERTICES => {
-                self.vertices += 1;
-                sequence.vertex(self.vertices - 1)
-            }
-            _ => self.rest.vertex(),
-        }
+        self.vertices.next(&mut self.rest)
     }
 }
 
@@ -407,6 +526,72 @@ mod tests {
             assert!(
                 (f64::from(count) - 0.5 * f64::from(n)).abs() < far,
                 "bit {i}: {count}"
+            );
+        }
+    }
+
+    /// The light paths of every aligned square of 4 x 4 pixels leave a light in 16 different directions, one in each of 16 parts of
+    /// either coordinate and in each of 4 x 4 cells; those of another sample in others.
+    #[test]
+    fn light_paths_of_neighbours_cover_directions() {
+        let columns = 20;
+        let source = LightSource::new(SamplerKind::Sobol, Seed(3), columns);
+        let emission = |x: u32, y: u32, sample| {
+            let mut stream = source.stream(y * columns + x, sample);
+            stream.emission()
+        };
+        for (left, top) in [(0, 0), (4, 8), (16, 4)] {
+            for sample in 0..3 {
+                let pixels = (0..16).map(|i| (left + i % 4, top + i / 4));
+                let numbers: Vec<EmissionU> = pixels.map(|(x, y)| emission(x, y, sample)).collect();
+                let cells = |cell: &dyn Fn(&EmissionU) -> u32| {
+                    numbers.iter().map(cell).collect::<HashSet<u32>>().len()
+                };
+                assert_eq!(cells(&|u| (16.0 * u.direction.x) as u32), 16);
+                assert_eq!(cells(&|u| (16.0 * u.direction.y) as u32), 16);
+                let at = |p: Vec2| (4.0 * p.x) as u32 + 4 * (4.0 * p.y) as u32;
+                assert_eq!(cells(&|u| at(u.direction)), 16);
+                // The choice and the coordinates of the point alone.
+                assert_eq!(cells(&|u| (16.0 * u.pick) as u32), 16);
+                assert_eq!(cells(&|u| (16.0 * u.point.x) as u32), 16);
+                assert_eq!(cells(&|u| (16.0 * u.point.y) as u32), 16);
+                assert_ne!(numbers[0], emission(left, top, sample + 1));
+            }
+        }
+    }
+
+    /// Places of a frame wider than 65,536 pixels have points of their own.
+    #[test]
+    fn light_paths_of_wide_frames_differ() {
+        let source = LightSource::new(SamplerKind::Sobol, Seed(3), 1 << 17);
+        let emission = |path| source.stream(path, 0).emission();
+        assert_ne!(emission(5), emission(5 + (1 << 16)));
+        let tall = LightSource::new(SamplerKind::Sobol, Seed(3), 1);
+        let emission = |path| tall.stream(path, 0).emission();
+        assert_ne!(emission(5), emission(5 + (1 << 16)));
+    }
+
+    /// Every vertex of a light path draws a point on the lens of its own, whose numbers are not those of its emission.
+    #[test]
+    fn light_paths_draw_points_on_the_lens_independently() {
+        let source = LightSource::new(SamplerKind::Sobol, Seed(3), 64);
+        let mut products = [0.0f64; 3];
+        let n = 4096;
+        for path in 0..n {
+            let mut stream = source.stream(path, 1);
+            let u = stream.emission();
+            let (a, b) = (stream.lens(), stream.lens());
+            assert_ne!(a, b);
+            let centred = |x: f32| f64::from(x) - 0.5;
+            products[0] += centred(u.point.x) * centred(a.x);
+            products[1] += centred(u.direction.x) * centred(a.x);
+            products[2] += centred(a.x) * centred(b.x);
+        }
+        for product in products {
+            // Five standard deviations of the mean of a product of two uniform numbers, 1/12 each.
+            assert!(
+                product.abs() < 5.0 / 12.0 * f64::from(n).sqrt(),
+                "{product}"
             );
         }
     }

@@ -1,20 +1,20 @@
-//! Owen-scrambled Sobol points for camera paths.
+//! Owen-scrambled Sobol points for camera paths and light paths.
 //!
-//! The numbers of a path come in sets of four: film and lens; then, for each of the first vertices, those that sample a
-//! light, and those that sample the BSDF. A set is the first four dimensions of the Sobol sequence (direction numbers of
+//! The numbers of a path come in sets of four: film and lens, or direction and point of emission; then, for each of the first
+//! vertices, those that sample a light, and those that sample the BSDF; and the choice of an emitting light and its side. A set is the first four dimensions of the Sobol sequence (direction numbers of
 //! Joe, Kuo: *Constructing Sobol Sequences with Better Two-Dimensional Projections*, 2008), in an order of its own
 //! and scrambled on its own `[Burley20]`. Pairs that cover an area, such as
 //! the point on a light, are its first two dimensions, of which every aligned run of 2^m samples has one point in every
 //! elementary interval of area 2^-m. Every number alone is uniform, so that each sample is an unbiased estimate; samples of
 //! one sequence are correlated, and the variance of their mean is about that of independent samples at most.
 
-use super::{LightU, VertexU, mix, unit};
+use super::{EmissionU, LightU, VertexU, mix, unit};
 use crate::math::Vec2;
 
 /// Vertices whose numbers are Sobol points.
 pub(super) const VERTICES: u32 = 4;
 
-/// Position in the sequence of a pixel.
+/// Position in a sequence.
 #[derive(Clone, Debug)]
 pub(super) struct Sequence {
     /// Hash of the sequence.
@@ -65,6 +65,25 @@ impl Sequence {
         (bits, order)
     }
 
+    /// Numbers that start a light path.
+    pub(super) fn emission(&self) -> EmissionU {
+        let ([u, v, x, y], _) = self.point(0);
+        let ([pick, side, ..], spare) = self.point(2 * VERTICES + 1);
+        EmissionU {
+            pick: self.pick(pick, spare),
+            point: Vec2::new(unit(x), unit(y)),
+            direction: Vec2::new(unit(u), unit(v)),
+            side: unit(side),
+        }
+    }
+
+    /// The choice of a light with these digits and 21 more of a hash.
+    #[inline(always)]
+    fn pick(&self, bits: u32, spare: u64) -> f64 {
+        let spare = mix(spare ^ u64::from(self.index)) >> 43;
+        (u64::from(bits) << 21 | spare) as f64 * (0.5 * f64::EPSILON)
+    }
+
     #[inline]
     pub(super) fn film(&self) -> Vec2 {
         let ([x, y, ..], _) = self.point(0);
@@ -82,12 +101,10 @@ impl Sequence {
     pub(super) fn vertex(&self, n: u32) -> VertexU {
         let ([x, y, pick, material], spare) = self.point(2 * n + 1);
         let ([u, v, lobe, roulette], _) = self.point(2 * n + 2);
-        let spare = mix(spare ^ u64::from(self.index)) >> 43;
-        let pick = u64::from(pick) << 21 | spare;
         VertexU {
             material: unit(material),
             light: LightU {
-                pick: pick as f64 * (0.5 * f64::EPSILON),
+                pick: self.pick(pick, spare),
                 at: Vec2::new(unit(x), unit(y)),
             },
             lobe: [unit(lobe), unit(u), unit(v)],

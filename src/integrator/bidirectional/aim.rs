@@ -205,11 +205,7 @@ impl Iteration<'_> {
         targets: &[Target],
     ) -> Option<(Arrival, Vec<Glimpse>)> {
         let scene = self.view.scene;
-        let (pick, u) = (
-            stream.next_pick(),
-            std::array::from_fn(|_| stream.next_1d()),
-        );
-        let start = scene.sample_emission(self.aim, pick, u)?;
+        let start = scene.sample_emission(self.aim, stream.emission())?;
         let mut walk = WeightedWalk::light(scene, &start, self.light_merging, self.merge_rule);
         let mut glimpses = Vec::new();
         let connects = self.strategies.connects();

@@ -4,11 +4,15 @@ use super::strategies::Strategies;
 use super::vertex::MergeRule;
 use super::weights::Merging;
 use super::{Bidirectional, MAX_LIGHT_PATHS};
+use crate::image::level_film::BATCHES;
 use crate::integrator::View;
 use crate::integrator::walk::camera::CameraWalks;
 use crate::math::UVec2;
 use crate::regularise::Accumulated;
-use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Seed};
+use crate::sampler::{
+    CameraSource, CameraStream, Domain, Independent, LightSource, LightStream, SampleSource,
+    SamplerKind, Seed,
+};
 use crate::scene::Aim;
 use std::f32::consts::PI;
 
@@ -37,8 +41,8 @@ pub(super) struct Iteration<'a> {
     pub(super) mollifier: Option<f32>,
     /// Accumulated roughness, in scenes that have glossy lobes.
     pub(super) rule: Option<&'a Accumulated>,
-    pub(super) light: Independent,
-    pub(super) camera: Independent,
+    pub(super) light: LightSource,
+    pub(super) camera: CameraSource,
     pub(super) camera_walks: CameraWalks<'a>,
     pub(super) probes: Independent,
 }
@@ -55,9 +59,6 @@ impl Bidirectional {
         let frame = view.sensor.frame;
         let pixels = u64::from(frame.x) * u64::from(frame.y);
         let paths = pixels.min(u64::from(MAX_LIGHT_PATHS)) as u32;
-        let source = |domain| Independent {
-            seed: Seed(self.seed).derive(domain, 0),
-        };
         let radius = (self.merging.zip(first)).map_or(0.0, |(r, first)| r.at(first, sample));
         let beside_lights = self.strategies == Strategies::Density;
         let connects = !beside_lights && !self.light_sampling_only;
@@ -80,6 +81,11 @@ impl Bidirectional {
         } else {
             [merging; 2]
         };
+        let seed = Seed(self.seed);
+        let camera = match self.batched || !self.radii.is_empty() {
+            true => self.sampler,
+            false => SamplerKind::Independent,
+        };
         let (low, high) = view.scene.geometry().bounds();
         let shrink = (f64::from(sample) + 1.0).powf(-1.0 / 6.0) as f32;
         let mollifier = (self.mollifier)
@@ -98,22 +104,24 @@ impl Bidirectional {
             light_merging,
             mollifier,
             rule: self.split.as_ref().filter(|_| view.scene.features().lobes),
-            light: source(Domain::Light),
-            camera: source(Domain::Camera),
+            light: LightSource::new(self.sampler, seed, frame.x),
+            camera: CameraSource::new(camera, seed, BATCHES as u32),
             camera_walks: CameraWalks::of(view),
-            probes: source(Domain::Probes),
+            probes: Independent {
+                seed: seed.derive(Domain::Probes, 0),
+            },
         }
     }
 }
 
 impl Iteration<'_> {
     /// Random numbers of a light path.
-    pub(super) fn light_stream(&self, path: u32) -> IndependentStream {
-        self.light.stream(UVec2::new(path, 0), self.sample)
+    pub(super) fn light_stream(&self, path: u32) -> LightStream {
+        self.light.stream(path, self.sample)
     }
 
     /// Random numbers of a camera path.
-    pub(super) fn camera_stream(&self, pixel: UVec2) -> IndependentStream {
+    pub(super) fn camera_stream(&self, pixel: UVec2) -> CameraStream {
         self.camera.stream(pixel, self.sample)
     }
 }

@@ -49,6 +49,7 @@ pub mod weights;
 
 use super::{Integrator, Picture, View};
 use crate::regularise::Accumulated;
+use crate::sampler::SamplerKind;
 pub use aim::Aimed;
 use guides::Guides;
 pub(super) use pair::Pairs;
@@ -86,6 +87,9 @@ pub struct Bidirectional {
     pub roulette_start: u32,
     /// Seed of all random numbers.
     pub seed: u64,
+    /// Random numbers of light paths, and of camera paths where the picture is kept in batches. Elsewhere those are independent, so
+    /// that samples are, and the variances of a film are unbiased.
+    pub sampler: SamplerKind,
     /// Where light was aimed in the last view.
     pub aimed: Aimed,
 }

@@ -75,11 +75,7 @@ impl Iteration<'_> {
     ) {
         let strategies = self.strategies;
         let scene = self.view.scene;
-        let (pick, u) = (
-            stream.next_pick(),
-            std::array::from_fn(|_| stream.next_1d()),
-        );
-        let Some(start) = scene.sample_emission(self.aim, pick, u) else {
+        let Some(start) = scene.sample_emission(self.aim, stream.emission()) else {
             return;
         };
         let mut walk = WeightedWalk::light(scene, &start, self.light_merging, self.merge_rule);

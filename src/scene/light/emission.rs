@@ -6,6 +6,7 @@
 use super::aim::{Aim, Beam, Source, Target};
 use super::{LightSample, Lights, punctual};
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, warp};
+use crate::sampler::EmissionU;
 use crate::scene::{Geometry, Scene, Surface};
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -36,16 +37,6 @@ pub struct EmissionSample {
     pub range: f32,
     /// Index of the light, as in [`Lights::pmf`].
     pub light: u32,
-}
-
-/// Uniform numbers in [0, 1) of an emission sample, after the choice of the light.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Numbers {
-    pub point: Vec2,
-    pub direction: Vec2,
-    pub side: f32,
-    /// Random number left over from the choice of the light, in [0, 1): chooses a target.
-    pub rest: f64,
 }
 
 impl EmissionSample {
@@ -82,8 +73,8 @@ impl Sphere {
     }
 
     /// A ray along `dir` from before the scene, through a point of the disk across it: a uniform one, or one of a target.
-    pub(super) fn ray(&self, dir: Vec3, beam: Option<&Beam>, u: &Numbers) -> Ray {
-        if let Some(point) = beam.and_then(|beam| beam.point_across(dir, u.rest, u.point)) {
+    pub(super) fn ray(&self, dir: Vec3, beam: Option<&Beam>, u: &EmissionU) -> Ray {
+        if let Some(point) = beam.and_then(|beam| beam.point_across(dir, u.pick, u.point)) {
             let across = point - self.centre;
             let across = across - (across.dot(dir) + self.radius) * dir;
             return Ray::new(self.centre + across, dir);
@@ -216,17 +207,13 @@ impl Lights {
 }
 
 impl Scene {
-    /// Draws a light by power with `pick`, then a point of it and a direction with five more uniform numbers in [0, 1), aimed
-    /// or not. `None` where nothing shines: without lights, and for a draw that carries no light.
-    pub fn sample_emission(&self, aim: &Aim, pick: f64, u: [f32; 5]) -> Option<EmissionSample> {
+    /// Draws a light by power, then a point of it and a direction, aimed or not. `None` where nothing shines: without lights, and
+    /// for a draw that carries no light.
+    pub fn sample_emission(&self, aim: &Aim, u: EmissionU) -> Option<EmissionSample> {
         let lights = &self.lights;
-        let (k, rest) = lights.choice.sample(pick)?;
-        let u = Numbers {
-            point: Vec2::new(u[0], u[1]),
-            direction: Vec2::new(u[2], u[3]),
-            side: u[4],
-            rest,
-        };
+        let (k, rest) = lights.choice.sample(u.pick)?;
+        // The rest of the number chooses a target.
+        let u = EmissionU { pick: rest, ..u };
         let (beam, pmf) = (aim.beam(k), lights.choice.pmf(k));
         let sample = match k.checked_sub(lights.area.len()) {
             None => self.emission_of_triangle(k, beam, &u)?,
@@ -246,7 +233,7 @@ impl Scene {
         &self,
         pmf: f32,
         beam: Option<&Beam>,
-        u: &Numbers,
+        u: &EmissionU,
     ) -> Option<EmissionSample> {
         let lights = &self.lights;
         let environment = lights.environment.as_ref()?;
@@ -271,7 +258,7 @@ impl Scene {
         &self,
         k: usize,
         beam: Option<&Beam>,
-        u: &Numbers,
+        u: &EmissionU,
     ) -> Option<EmissionSample> {
         let area = &self.lights.area;
         let surface = self.surface(&area.point(k, u.point));
@@ -280,7 +267,7 @@ impl Scene {
             position: surface.position,
             facing: (!double_sided).then_some(surface.ng),
         };
-        let aimed = beam.and_then(|beam| beam.direction(&source, u.rest, u.direction));
+        let aimed = beam.and_then(|beam| beam.direction(&source, u.pick, u.direction));
         let (dir, cos) = match aimed {
             Some(dir) => (dir, dir.dot(surface.ng)),
             None => {

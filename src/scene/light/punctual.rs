@@ -1,10 +1,11 @@
 //! Lights without area: point, spot and directional lights.
 
 use super::aim::{Beam, Source};
-use super::emission::{EmissionDensity, EmissionSample, Numbers, Sphere};
+use super::emission::{EmissionDensity, EmissionSample, Sphere};
 use super::{LightDensity, LightSample, Place};
 use crate::math::warp::{self, SPHERE_PDF};
 use crate::math::{Frame, Ray, Rgb, Vec3, luminance};
+use crate::sampler::EmissionU;
 use std::f32::consts::{PI, TAU};
 
 /// Fall-off of a spot light between its two angles.
@@ -182,7 +183,7 @@ impl PunctualLight {
         pmf: f32,
         sphere: &Sphere,
         beam: Option<&Beam>,
-        u: &Numbers,
+        u: &EmissionU,
     ) -> Option<EmissionSample> {
         let (position, dir, intensity, range) = match *self {
             Self::Directional {
@@ -255,12 +256,12 @@ impl PunctualLight {
 }
 
 /// A direction from a point towards a target, where one is chosen.
-fn aimed(beam: Option<&Beam>, position: Vec3, u: &Numbers) -> Option<Vec3> {
+fn aimed(beam: Option<&Beam>, position: Vec3, u: &EmissionU) -> Option<Vec3> {
     let source = Source {
         position,
         facing: None,
     };
-    beam?.direction(&source, u.rest, u.direction)
+    beam?.direction(&source, u.pick, u.direction)
 }
 
 /// A ramp in the cosine between the two angles.

@@ -29,11 +29,7 @@ fn aimed_emission(scene: &Scene, aim: &Aim) -> Vec<EmissionSample> {
     (0..SAMPLES)
         .filter_map(|n| {
             let mut stream = source.stream(UVec2::ZERO, n);
-            scene.sample_emission(
-                aim,
-                stream.next_pick(),
-                std::array::from_fn(|_| stream.next_1d()),
-            )
+            scene.sample_emission(aim, stream.emission())
         })
         .collect()
 }

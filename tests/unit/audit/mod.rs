@@ -360,15 +360,11 @@ impl Iteration<'_> {
             ..*self
         };
         // The light walk.
-        let mut stream = self.light.stream(UVec2::new(path, 0), self.sample);
-        let (pick, u) = (
-            stream.next_pick(),
-            std::array::from_fn(|_| stream.next_1d()),
-        );
+        let mut stream = self.light_stream(path);
         let mut light: Vec<(Vertex, bool, Trail)> = Vec::new();
         let mut seen_through = Vec::new();
         let mut trail = Trail::START;
-        let start = scene.sample_emission(self.aim, pick, u);
+        let start = scene.sample_emission(self.aim, stream.emission());
         if let Some(start) = &start {
             let mut walk = WeightedWalk::light(scene, start, self.merging, self.merge_rule);
             for n in 1..=self.settings.max_vertices {
