@@ -4,7 +4,7 @@ use super::fault::Fault;
 use super::spec::Spec;
 use super::value::{Field, LensChoice, NameOrNumber, Range};
 use crate::files::{self, FileError};
-use crate::math::Vec3;
+use crate::math::{Vec2, Vec3};
 use crate::scene::camera::Projection;
 use crate::scene::{Camera, Lens};
 use serde::{Deserialize, Serialize};
@@ -34,6 +34,9 @@ pub struct Look {
     /// Width over height of the picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aspect: Option<f32>,
+    /// Way from the view axis to the centre of the picture, to the right and up, in halves of the picture's height.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shift: Option<[f32; 2]>,
     /// Radius of the lens.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aperture: Option<f32>,
@@ -58,6 +61,7 @@ impl Look {
             fov,
             height,
             aspect: camera.aspect,
+            shift: (camera.shift != Vec2::ZERO).then_some(camera.shift.to_array()),
             aperture: camera.lens.map(|lens| lens.radius),
             focus: camera.lens.map(|lens| lens.focus),
         }
@@ -75,13 +79,14 @@ impl Look {
         }
         camera.name = self.text();
         camera.aspect = self.aspect;
+        camera.shift = self.shift.unwrap_or_default().into();
         camera.lens = (self.aperture.filter(|radius| *radius > 0.0))
             .zip(self.focus)
             .map(|(radius, focus)| Lens { radius, focus });
         Ok(camera)
     }
 
-    /// Position, target, up and field of view (after an `h` the height of parallel rays), as `--camera` takes them.
+    /// Position, target, up, field of view (after an `h` the height of parallel rays) and a shift, as `--camera` takes them.
     pub(crate) fn text(&self) -> String {
         let numbers = [self.position, self.target, self.up].concat();
         let mut words: Vec<String> = numbers.iter().map(f32::to_string).collect();
@@ -89,13 +94,20 @@ impl Look {
             (Some(height), _) => format!("h{height}"),
             (None, fov) => fov.unwrap_or(40.0).to_string(),
         });
+        words.extend(self.shift.iter().flatten().map(f32::to_string));
         words.join(",")
     }
 
     /// A look from its [text](Look::text).
     fn parse(text: &str) -> Option<Self> {
         let words: Vec<&str> = text.split(',').map(str::trim).collect();
-        let [numbers @ .., last] = words.as_slice() else {
+        let (words, shift) = match words.as_slice() {
+            [words @ .., x, y] if words.len() == 10 => {
+                (words, Some([x.parse().ok()?, y.parse().ok()?]))
+            }
+            words => (words, None),
+        };
+        let [numbers @ .., last] = words else {
             return None;
         };
         let numbers: Option<Vec<f32>> = numbers.iter().map(|word| word.parse().ok()).collect();
@@ -113,6 +125,7 @@ impl Look {
             fov,
             height,
             aspect: None,
+            shift,
             aperture: None,
             focus: None,
         })
@@ -140,23 +153,26 @@ impl Look {
         let along = (target - position).normalize_or_zero();
         let across = up.normalize_or_zero().cross(along).length();
         let above = |x: Option<f32>| x.is_none_or(|x| x > 0.0 && x.is_finite());
-        let wrong = if !(position.is_finite() && target.is_finite() && up.is_finite()) {
-            "expected finite numbers"
-        } else if along == Vec3::ZERO {
-            "position and target of the camera are one point"
-        } else if across.is_nan() || across < 1e-4 {
-            "the camera's up is along its view"
-        } else if self.fov.is_some() == self.height.is_some() {
-            "expected either `fov`, a field of view, or `height`, of parallel rays"
-        } else if !above(self.fov) || self.fov.is_some_and(|fov| fov >= 179.9) {
-            "expected a field of view between 0 and 179.9 degrees"
-        } else if !above(self.height) || !above(self.aspect) || !above(self.focus) {
-            "height, aspect and focus must be above 0"
-        } else if self.aperture.is_some_and(|x| !(x >= 0.0 && x.is_finite())) {
-            "aperture must not be below 0"
-        } else {
-            return Ok(());
-        };
+        let shift = Vec2::from_array(self.shift.unwrap_or_default());
+        let wrong =
+            if !(shift.is_finite() && position.is_finite() && target.is_finite() && up.is_finite())
+            {
+                "expected finite numbers"
+            } else if along == Vec3::ZERO {
+                "position and target of the camera are one point"
+            } else if across.is_nan() || across < 1e-4 {
+                "the camera's up is along its view"
+            } else if self.fov.is_some() == self.height.is_some() {
+                "expected either `fov`, a field of view, or `height`, of parallel rays"
+            } else if !above(self.fov) || self.fov.is_some_and(|fov| fov >= 179.9) {
+                "expected a field of view between 0 and 179.9 degrees"
+            } else if !above(self.height) || !above(self.aspect) || !above(self.focus) {
+                "height, aspect and focus must be above 0"
+            } else if self.aperture.is_some_and(|x| !(x >= 0.0 && x.is_finite())) {
+                "aperture must not be below 0"
+            } else {
+                return Ok(());
+            };
         Err(wrong.into())
     }
 }
@@ -205,7 +221,7 @@ impl Field for CameraChoice {
         let numbers = |text: &str| text.split(',').all(|x| x.trim().parse::<f32>().is_ok());
         match text.contains(',') && numbers(&text) {
             true => {
-                Err("expected ten numbers: position, target, up, field of view in degrees".into())
+                Err("expected ten numbers: position, target, up, field of view in degrees, and two of a shift".into())
             }
             false => Ok(Self::Named(text)),
         }
@@ -271,6 +287,15 @@ mod tests {
         let again = look.camera().unwrap();
         let near = |a: Vec3, b: Vec3| a.distance(b) < 1e-5;
         assert!(near(again.frame.n, camera.frame.n) && near(again.frame.t, camera.frame.t));
+        let shifted = Look {
+            shift: Some([0.3, -0.1]),
+            ..look
+        };
+        assert_eq!(Look::parse(&shifted.text()), Some(shifted));
+        let camera = shifted.camera().unwrap();
+        assert_eq!(Look::of(&camera, 3.3).shift, shifted.shift);
+        let held: Look = serde_json::from_str(&shifted.file()).unwrap();
+        assert_eq!(held, shifted);
         let parallel = Look {
             fov: None,
             height: Some(2.5),
@@ -289,6 +314,8 @@ mod tests {
             "0,0,1,0,0,0,0,1,0,0",
             "0,0,1,0,0,0,0,1,0,180",
             "0,0,1,0,0,0,0,1,0,h-1",
+            "0,0,1,0,0,0,0,1,0,40,0.1",
+            "0,0,1,0,0,0,0,1,0,40,0.1,inf",
             "0,0,nan,0,0,0,0,1,0,40",
             "0,0,1",
         ] {

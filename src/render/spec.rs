@@ -282,7 +282,8 @@ options! {
     /// Render only this part of the picture; each number in pixels, or a share of width or height such as 25% or 1/4.
     crop: Crop, Camera { value: "X,Y,W,H", effect: Effect::Frame }
     /// Camera: a name, a number, a file or numbers. Cameras of the scene count from 0. A file is one of `opsr view` (.json). The ten
-    /// numbers are X,Y,Z of position, target and up and the vertical field of view in degrees.
+    /// numbers are X,Y,Z of position, target and up and the vertical field of view in degrees. Two more shift the picture, in halves of its
+    /// height.
     camera: CameraChoice, Camera { value: "NAME|FILE|NUMBERS", common: true }
     /// Lens of the camera: its radius and the distance in focus along the view, in units of the scene. Without a distance it is that
     /// of the file's lens; 0 leaves a lens of the file out.

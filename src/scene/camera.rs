@@ -17,6 +17,8 @@ pub struct Camera {
     pub frame: Frame,
     /// Projection.
     pub projection: Projection,
+    /// Way from the view axis to the centre of the picture, to the right and up, in halves of the picture's height.
+    pub shift: Vec2,
     /// Width over height, if the file gives one.
     pub aspect: Option<f32>,
     /// Lens; a camera without one sees everything sharply.
@@ -143,6 +145,7 @@ impl Fit {
             projection: Projection::Perspective {
                 tan_half_y: self.tan[1] as f32,
             },
+            shift: Vec2::ZERO,
             aspect: None,
             lens: None,
             film: None,
@@ -154,8 +157,8 @@ impl Camera {
     /// The ray through a film position, for a picture of the given width over height.
     #[inline]
     pub fn ray(&self, film: Vec2, aspect: f32) -> Ray {
-        let x = (2.0 * film.x - 1.0) * aspect;
-        let y = 1.0 - 2.0 * film.y;
+        let x = (2.0 * film.x - 1.0) * aspect + self.shift.x;
+        let y = 1.0 - 2.0 * film.y + self.shift.y;
         match self.projection {
             Projection::Perspective { tan_half_y } => {
                 let local = Vec3::new(x * tan_half_y, y * tan_half_y, -1.0).normalize();
@@ -210,6 +213,7 @@ impl Camera {
             }
         };
         let (x, y) = (local.x + depth * slope.x, local.y + depth * slope.y);
+        let (x, y) = (x - scale * self.shift.x, y - scale * self.shift.y);
         let film = Vec2::new(0.5 + 0.5 * x / (scale * aspect), 0.5 - 0.5 * y / scale);
         Some((film, wo, distance))
     }
@@ -252,6 +256,7 @@ impl Camera {
             projection: Projection::Perspective {
                 tan_half_y: (0.5 * fov_y).tan(),
             },
+            shift: Vec2::ZERO,
             aspect: None,
             lens: None,
             film: None,

@@ -7,6 +7,7 @@ mod models;
 mod names;
 mod nearest;
 mod subdivision;
+mod wider;
 
 use super::support::render::{film_with, mean};
 use crate::support::root;

@@ -2,7 +2,7 @@
 
 use super::error::{Result, Warnings, fault, place};
 use super::nodes::PlacedNode;
-use crate::math::{Frame, Rgb, Vec3};
+use crate::math::{Frame, Rgb, Vec2, Vec3};
 use crate::scene::camera::Projection;
 use crate::scene::{Camera, Lens, PunctualLight};
 use gltf::json::Root;
@@ -45,6 +45,7 @@ pub(super) fn cameras(
                 position: placed.pose.translation.as_vec3(),
                 frame,
                 projection,
+                shift: Vec2::ZERO,
                 aspect,
                 lens: lens(camera, &at, warnings),
                 film: None,

@@ -494,8 +494,8 @@ fn chi_square_of_aimed_points() {
     }
 }
 
-/// Cameras without and with a lens, and random numbers of a point of it.
-fn cameras() -> [(Camera, Vec2); 4] {
+/// Cameras without and with a lens, centred and not, and random numbers of a point of the lens.
+fn cameras() -> [(Camera, Vec2); 6] {
     let pinhole = Camera::look_at(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, Vec3::Y, 1.4);
     let parallel = Camera {
         projection: Projection::Orthographic { half_height: 1.5 },
@@ -508,10 +508,16 @@ fn cameras() -> [(Camera, Vec2); 4] {
         }),
         ..camera.clone()
     };
+    let shifted = |camera: &Camera| Camera {
+        shift: Vec2::new(0.7, -0.4),
+        ..camera.clone()
+    };
     let u = Vec2::new(0.9, 0.3);
     [
         (lens(&pinhole), u),
         (lens(&parallel), u),
+        (shifted(&pinhole), u),
+        (shifted(&lens(&parallel)), u),
         (pinhole, u),
         (parallel, u),
     ]
@@ -538,11 +544,11 @@ fn chi_square_of_camera_pdf() {
             let l = camera.frame.to_local(ray.dir);
             let t = -1.0 / l.z;
             let p = camera.frame.to_local(ray.at(t) - camera.position) / half;
-            0.5 * Vec2::new(p.x, p.y) + 0.5
+            0.5 * (Vec2::new(p.x, p.y) - camera.shift) + 0.5
         });
         let p = likely(points, |x, y| {
             let f = |x: f64, y: f64| {
-                let at = 2.0 * half * (Vec2::new(x as f32, y as f32) - 0.5);
+                let at = 2.0 * half * (Vec2::new(x as f32, y as f32) - 0.5) + half * camera.shift;
                 let point = camera.position + camera.frame.to_world(at.extend(-1.0));
                 let sight = (sensor.see(point, through)).expect("in the frame");
                 assert_eq!(sight.parallel, !pinhole);

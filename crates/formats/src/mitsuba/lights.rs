@@ -5,7 +5,7 @@ use super::Scene;
 use super::xml::{Object, Value};
 use crate::build::sky;
 use glam::{DAffine3, DVec3};
-use opsr::math::{Frame, Rgb, UVec2, Vec3};
+use opsr::math::{Frame, Rgb, UVec2, Vec2, Vec3};
 use opsr::scene::camera::Projection;
 use opsr::scene::light::Falloff;
 use opsr::scene::load::error::{Result, fault};
@@ -154,10 +154,12 @@ impl Scene<'_> {
             },
         };
         let aspect = film.size.x as f32 / film.size.y as f32;
-        for name in ["principal_point_offset_x", "principal_point_offset_y"] {
-            if sensor.number(name, 0.0)? != 0.0 {
-                self.context.left_out(place, format!("`{name}`"))?;
-            }
+        // In widths and heights of the film, to the right and down.
+        let right = sensor.number("principal_point_offset_x", 0.0)? as f32;
+        let down = sensor.number("principal_point_offset_y", 0.0)? as f32;
+        let shift = 2.0 * Vec2::new(right * aspect, -down);
+        if !shift.is_finite() {
+            return Err(fault(place, "a principal point that is not finite"));
         }
         // Mitsuba's own are 0.01 and 10,000.
         if sensor.number("near_clip", 0.0)? > 0.01 || sensor.number("far_clip", 1e9)? < 10_000.0 {
@@ -202,6 +204,7 @@ impl Scene<'_> {
             position: pose.translation.as_vec3(),
             frame,
             projection,
+            shift,
             aspect: Some(aspect),
             lens: lens.filter(|lens| lens.radius > 0.0 && lens.focus > 0.0),
             film: Some(film),

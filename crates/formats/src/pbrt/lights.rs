@@ -4,7 +4,7 @@ use super::super::{Meant, film_side};
 use super::tokens::Parameters;
 use super::{Scene, affine};
 use crate::build::sky;
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use opsr::math::{Frame, Rgb, UVec2};
 use opsr::scene::camera::Projection;
 use opsr::scene::light::Falloff;
@@ -242,11 +242,8 @@ impl Scene<'_> {
         if !is_sized {
             return Err(fault(place, "a screen window without area"));
         }
-        if (x0 + x1).abs() > 1e-4 * (x1 - x0) || (y0 + y1).abs() > 1e-4 * (y1 - y0) {
-            self.context
-                .left_out(place, "a screen window off the centre")?;
-        }
         let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
+        let shift = DVec2::new(x0 + x1, y0 + y1) / (2.0 * half_y);
         if (half_x / half_y / own - 1.0).abs() > 1e-3 {
             self.context
                 .nearest(place, "pixels that are not square", "square ones")?;
@@ -291,6 +288,7 @@ impl Scene<'_> {
                 n: n.as_vec3(),
             },
             projection,
+            shift: shift.as_vec2(),
             aspect: Some(own as f32),
             lens: (radius > 0.0 && focus > 0.0).then_some(Lens { radius, focus }),
             film: Some(film),

@@ -1,7 +1,7 @@
 //! Lowers a scene of another format to the models of glTF.
 
 use opsr::bsdf::fresnel::conductor;
-use opsr::math::Rgb;
+use opsr::math::{Rgb, Vec2};
 use opsr::scene::finish::{ExactCover, Finish, Translucency};
 use opsr::scene::light::Falloff;
 use opsr::scene::material::{AlphaMode, TextureRef};
@@ -40,6 +40,8 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
     count(&mut lost, usize::from(sky), "environment");
     let lenses = parts.cameras.iter().filter(|c| c.lens.is_some()).count();
     count(&mut lost, lenses, "lenses");
+    let shifts = parts.cameras.iter().filter(|c| c.shift != Vec2::ZERO);
+    count(&mut lost, shifts.count(), "shifts of the picture");
     let has = |test: fn(&Material) -> bool| parts.materials.iter().filter(|m| test(m)).count();
     let mixed = |m: &Material| m.finish.as_ref().is_some_and(|f| f.mix.is_some());
     let exact = |m: &Material| m.finish.as_ref().is_some_and(|f| f.exact.is_some()) || m.exact_wall;

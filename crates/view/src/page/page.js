@@ -767,7 +767,7 @@ async function copy(text, what) {
     toast("Not allowed to copy: the text is below Save");
   }
 }
-const numbers = () => [...look.position, ...look.target, ...look.up, look.height ? `h${look.height}` : look.fov].join();
+const numbers = () => [...look.position, ...look.target, ...look.up, look.height ? `h${look.height}` : look.fov, ...(look.shift ?? [])].join();
 $("copy-look").onclick = () => state?.look && copy(`--camera ${numbers()}`, "the camera");
 $("copy-command").onclick = () => state && copy(`${state.command} --spp ${Math.max(1, state.course.samples)} -o out.exr`, "the command");
 

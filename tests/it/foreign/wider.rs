@@ -1,0 +1,72 @@
+//! Parts of other renderers' scenes that are shown, exactly or as what is nearest, where they could be refused.
+
+use super::nearest::xml;
+use super::read;
+use opsr::math::{Vec2, Vec3};
+use opsr::scene::Camera;
+
+/// A window off the centre of pbrt's screen, and Mitsuba's principal point off the centre of its film.
+#[test]
+fn foreign_pictures_off_the_centre_look_where_they_say() {
+    let camera = |kind: &str, scale: &str| -> Camera {
+        let text = format!(
+            "Film \"rgb\" \"integer xresolution\" 200 \"integer yresolution\" 100\n{scale}\nCamera \"{kind}\" \
+             \"float screenwindow\" [ -0.5 1.5 -0.75 0.25 ]\nWorldBegin"
+        );
+        let loaded = read("a.pbrt", &text, false).expect("a scene");
+        assert!(loaded.warnings.is_empty());
+        loaded.parts.cameras[0].clone()
+    };
+    // A field of view of 90°: the screen is at distance 1. pbrt's camera looks along +z, with +x to the right.
+    let pinhole = camera("perspective", "");
+    for (film, x, y) in [
+        (Vec2::ZERO, -0.5, 0.25),
+        (Vec2::ONE, 1.5, -0.75),
+        (Vec2::splat(0.5), 0.5, -0.25),
+    ] {
+        let dir = pinhole.ray(film, 2.0).dir;
+        assert!(
+            dir.distance(Vec3::new(x, y, 1.0).normalize()) < 1e-6,
+            "{film} {dir}"
+        );
+        let (seen, ..) = pinhole
+            .project(3.0 * dir, 2.0, Vec2::ZERO)
+            .expect("in front");
+        assert!(seen.distance(film) < 1e-5);
+        // The camera is three times as large as its own units.
+        let ray = camera(
+            "orthographic",
+            "Scale 0.3333333333 0.3333333333 0.3333333333",
+        )
+        .ray(film, 2.0);
+        let origin = ray.origin;
+        assert!(
+            origin.distance(3.0 * Vec3::new(x, y, 0.0)) < 1e-5,
+            "{origin}"
+        );
+    }
+    // By Mitsuba 3.9: directions of its rays through these places, a sample at the middle of the wavelengths.
+    let text = xml(
+        "<sensor type=\"perspective\"><float name=\"fov\" value=\"50\"/><float name=\"principal_point_offset_x\" value=\"0.2\"/>\
+         <float name=\"principal_point_offset_y\" value=\"-0.1\"/><film type=\"hdrfilm\"><integer name=\"width\" value=\"60\"/>\
+         <integer name=\"height\" value=\"40\"/></film></sensor>",
+    );
+    let camera = read("a.xml", &text, false).expect("a scene").parts.cameras[0].clone();
+    for (film, dir) in [
+        (Vec2::splat(0.5), [-0.183019, 0.0610064, 0.981215]),
+        (Vec2::ZERO, [0.253571, 0.338095, 0.906308]),
+        (Vec2::ONE, [-0.535172, -0.203875, 0.819772]),
+    ] {
+        let found = camera.ray(film, 1.5).dir;
+        assert!(found.distance(dir.into()) < 1e-5, "{film}: {found}");
+    }
+    // What glTF cannot hold is named.
+    let lost =
+        opsr_lab::gallery::lowered::lowered(read("a.xml", &text, false).expect("a scene").parts)
+            .lost;
+    assert!(
+        lost.iter()
+            .any(|line| line.contains("shifts of the picture")),
+        "{lost:?}"
+    );
+}
