@@ -11,6 +11,7 @@ use crate::image::Buffer;
 use crate::image::exr;
 use crate::math::discrete::Distribution2D;
 use crate::math::{DVec2, DVec3, Rgb, Vec2, Vec3, luminance};
+use rayon::prelude::*;
 use std::f32::consts::{PI, TAU};
 use std::f64::consts::PI as PI_F64;
 use std::path::Path;
@@ -56,6 +57,35 @@ impl Environment {
     /// The environment with its radiance multiplied by a factor.
     pub fn brightened(&self, factor: f32) -> Self {
         Self::from_map(self.map.map(|texel| texel * factor), self.rotation)
+    }
+
+    /// The sum of two environments, on the finer of their maps.
+    pub fn plus(&self, other: &Self) -> Self {
+        /// Directions along a side of a texel: the texels of the other map need not be its parts.
+        const SAMPLES: usize = 3;
+        let is_finer = self.map.pixels.len() >= other.map.pixels.len();
+        let (fine, coarse) = if is_finer {
+            (self, other)
+        } else {
+            (other, self)
+        };
+        let Buffer { width, height, .. } = *fine.map;
+        let texel = |i: usize| {
+            let added = (0..SAMPLES * SAMPLES).map(|s| {
+                let at = |k: usize, cell: usize| cell as f32 + (k as f32 + 0.5) / SAMPLES as f32;
+                let (x, y) = (at(s % SAMPLES, i % width), at(s / SAMPLES, i / width));
+                let phi = (x / width as f32 - 0.5) * TAU - fine.rotation;
+                let (sin, cos) = (y / height as f32 * PI).sin_cos();
+                coarse.radiance(Vec3::new(sin * phi.sin(), cos, -sin * phi.cos()))
+            });
+            fine.map.pixels[i] + added.sum::<Rgb>() / (SAMPLES * SAMPLES) as f32
+        };
+        let map = Buffer {
+            width,
+            height,
+            pixels: (0..width * height).into_par_iter().map(texel).collect(),
+        };
+        Self::from_map(map, fine.rotation)
     }
 
     /// Loads an `.hdr` or `.exr` map, multiplied by `intensity`, turned by `rotation` radians about +Y.

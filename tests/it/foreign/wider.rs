@@ -1,9 +1,58 @@
 //! Parts of other renderers' scenes that are shown, exactly or as what is nearest, where they could be refused.
 
-use super::nearest::xml;
-use super::read;
-use opsr::math::{Vec2, Vec3};
-use opsr::scene::Camera;
+use super::nearest::{with_files, xml};
+use super::{message, read};
+use opsr::math::{Rgb, Vec2, Vec3};
+use opsr::scene::load::Unsupported;
+use opsr::scene::{Camera, Environment};
+
+fn pfm(side: usize, texel: impl Fn(usize) -> f32) -> Vec<u8> {
+    let mut map = format!("PF\n{side} {side}\n-1.0\n").into_bytes();
+    for i in 0..side * side {
+        map.extend([texel(i); 3].iter().flat_map(|value| value.to_le_bytes()));
+    }
+    map
+}
+
+/// Many lights from infinity are their sum in every direction.
+#[test]
+fn foreign_infinite_lights_add_up() {
+    let files = [
+        ("a.pfm", pfm(64, |i| (i % 7) as f32)),
+        ("b.pfm", pfm(24, |i| f32::from(u8::from(i == 300)) * 100.0)),
+    ];
+    let sky = |lights: &[&str]| -> Environment {
+        let lines = lights
+            .iter()
+            .map(|light| format!("LightSource \"infinite\" {light}\n"));
+        let text = format!("WorldBegin\n{}", lines.collect::<String>());
+        let loaded = with_files("a.pbrt", &text, &files, Unsupported::Error).expect("a scene");
+        loaded.parts.environment.expect("a sky")
+    };
+    let (red, fine, coarse) = (
+        "\"rgb L\" [1 0 0]",
+        "\"string filename\" \"a.pfm\"",
+        "\"string filename\" \"b.pfm\"",
+    );
+    let (first, second) = (sky(&[fine]), sky(&[coarse]));
+    let sum = sky(&[coarse, red, fine]);
+    let (alone, all) = (first.average() + second.average() + Rgb::X, sum.average());
+    assert!(
+        (all / alone - 1.0).abs().max_element() < 0.02,
+        "{all} {alone}"
+    );
+    let with_red = sky(&[fine, red]);
+    for i in 0..500 {
+        let (z, phi) = ((i as f32 + 0.5) / 250.0 - 1.0, 2.4 * i as f32);
+        let r = (1.0 - z * z).sqrt();
+        let dir = Vec3::new(r * phi.cos(), r * phi.sin(), z);
+        assert_eq!(with_red.radiance(dir), first.radiance(dir) + Rgb::X);
+    }
+    assert_eq!(sky(&[red, red]).radiance(Vec3::Z), 2.0 * Rgb::X);
+    // Mitsuba has one environment alone.
+    let two = xml("<emitter type=\"constant\"/>\n<emitter type=\"constant\"/>");
+    assert!(message("a.xml", &two).contains("line 3: a second environment"));
+}
 
 /// A window off the centre of pbrt's screen, and Mitsuba's principal point off the centre of its film.
 #[test]

@@ -177,11 +177,11 @@ impl Scene<'_> {
                 Environment::constant(self.emitted(parameters, "L", scale)?)
             }
         };
-        if self.context.parts().environment.is_some() {
-            self.context.left_out(place, "a second infinite light")?;
-            return Ok(());
-        }
-        self.context.parts().environment = Some(environment);
+        let parts = self.context.parts();
+        parts.environment = Some(match &parts.environment {
+            Some(first) => first.plus(&environment),
+            None => environment,
+        });
         Ok(())
     }
 
