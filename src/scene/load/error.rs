@@ -70,10 +70,12 @@ impl Warnings {
     /// Warns of one element of a kind, in the plural such as `materials`: elements with the same trouble share a line.
     pub fn group(&mut self, kind: &'static str, name: impl Into<String>, what: &str) {
         let name = name.into();
+        if !self.said.insert(format!("{kind} {name} {what}")) {
+            return;
+        }
         let same =
             |line: &&mut Line| matches!(line, Line::Group(k, _, w) if *k == kind && w == what);
         match self.lines.iter_mut().find(same) {
-            Some(Line::Group(_, names, _)) if names.contains(&name) => {}
             Some(Line::Group(_, names, _)) => names.push(name),
             _ => (self.lines).push(Line::Group(kind, vec![name], what.into())),
         }
