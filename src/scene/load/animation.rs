@@ -72,9 +72,11 @@ pub(super) fn nodes(data: &Data<'_>, seconds: f64, warnings: &mut Warnings) -> R
             };
             if !moved.insert((target, property as u8)) {
                 let node = place("nodes", target, node.name.as_ref());
-                warnings.say(format!(
-                    "{node}: several animations move it; the first counts"
-                ));
+                warnings.group(
+                    "nodes",
+                    node,
+                    "several animations move it; the first counts",
+                );
                 continue;
             }
             if node.matrix.is_some() && property != Property::MorphTargetWeights {

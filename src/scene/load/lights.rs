@@ -30,13 +30,17 @@ pub(super) fn cameras(
         };
         let at = place("cameras", index, camera.name.as_ref());
         let (projection, aspect) = projection(camera, &at)?;
-        let Some(frame) = upright(placed) else {
+        let Some(mut frame) = upright(placed) else {
             warnings.say(format!(
                 "{}: its camera has no direction and is ignored",
                 placed.place
             ));
             continue;
         };
+        // Negative magnifications mirror the picture.
+        if let (Projection::Orthographic { .. }, Some(lens)) = (projection, &camera.orthographic) {
+            (frame.s, frame.t) = (frame.s * lens.xmag.signum(), frame.t * lens.ymag.signum());
+        }
         let name = placed.node.name.clone().or_else(|| camera.name.clone());
         cameras.push((
             index,
@@ -75,8 +79,9 @@ fn projection(camera: &gltf::json::Camera, at: &str) -> Result<(Projection, Opti
             Ok((Projection::Perspective { tan_half_y }, aspect))
         }
         (Checked::Valid(CameraType::Orthographic), _, Some(lens)) => {
-            let half_height = positive(lens.ymag, "ymag")?;
-            let aspect = positive(positive(lens.xmag, "xmag")? / half_height, "xmag / ymag")?;
+            let half_height = positive(lens.ymag.abs(), "|ymag|")?;
+            let half_width = positive(lens.xmag.abs(), "|xmag|")?;
+            let aspect = positive(half_width / half_height, "|xmag / ymag|")?;
             Ok((Projection::Orthographic { half_height }, Some(aspect)))
         }
         _ => Err(fault(at, "lacks the properties of its type")),

@@ -36,6 +36,7 @@ use gltf::json::validation::{Checked, Error as Broken, Validate};
 pub use lit::FileLight;
 use serde::de::IgnoredAny;
 use std::borrow::Cow;
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use uris::{Container, Files};
 
@@ -188,6 +189,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         None => Cow::Borrowed(root.nodes.as_slice()),
     };
     warn_of_time(&root, options.time, &mut warnings);
+    head.warn_of_targets(&mut warnings);
     let nodes = nodes::placed(&root, &nodes)?;
     let mut requests = textures::Requests::new(codecs);
     let (mut materials, slots) = materials::materials(
@@ -258,11 +260,10 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
 
 /// Says where a file's animations and the moment that is asked for do not fit.
 fn warn_of_time(root: &Root, time: Option<f64>, warnings: &mut Warnings) {
-    match (root.animations.is_empty(), time) {
-        (false, None) => {
-            warnings.say("animations: the scene is shown at rest; --at shows a moment")
-        }
-        (true, Some(_)) => warnings.say("there are no animations: every moment is the same"),
+    match (root.animations.len(), time) {
+        (1.., None) => warnings.say("animations: the scene is shown at rest; --at shows a moment"),
+        (0, Some(_)) => warnings.say("there are no animations: every moment is the same"),
+        (n @ 2.., Some(_)) => warnings.say(format!("animations: all {n} play at once")),
         _ => {}
     }
 }
@@ -311,24 +312,52 @@ struct Head {
     #[serde(default)]
     materials: Vec<IgnoredAny>,
     #[serde(default)]
-    meshes: Vec<IgnoredAny>,
+    meshes: Vec<HeadMesh>,
     #[serde(default)]
     nodes: Vec<IgnoredAny>,
 }
 
+/// The parts of a mesh whose unknown words [`Root`] does not keep.
+#[derive(serde::Deserialize)]
+struct HeadMesh {
+    #[serde(default)]
+    primitives: Vec<HeadPrimitive>,
+}
+
+#[derive(serde::Deserialize)]
+struct HeadPrimitive {
+    /// Attributes of morph targets.
+    #[serde(default)]
+    targets: Vec<HashMap<String, IgnoredAny>>,
+}
+
 impl Head {
+    /// Names attributes that morph targets move and that are not read.
+    fn warn_of_targets(&self, warnings: &mut Warnings) {
+        for (i, mesh) in self.meshes.iter().enumerate() {
+            let names =
+                (mesh.primitives.iter()).flat_map(|p| p.targets.iter().flat_map(HashMap::keys));
+            let unread =
+                |name: &&String| !["POSITION", "NORMAL", "TANGENT"].contains(&name.as_str());
+            for name in names.filter(unread).collect::<BTreeSet<_>>() {
+                let what = format!("morph targets of {name} are ignored");
+                warnings.group("meshes", format!("meshes[{i}]"), &what);
+            }
+        }
+    }
+
     /// Two bytes of a list, `{}`, become up to a kilobyte of memory: no list may be longer than any real one.
     fn check_lists(&self) -> Result<()> {
         let lists = [
-            ("accessors", &self.accessors, 1 << 20),
-            ("bufferViews", &self.buffer_views, 1 << 20),
-            ("materials", &self.materials, 1 << 16),
-            ("meshes", &self.meshes, 1 << 20),
-            ("nodes", &self.nodes, 1 << 20),
+            ("accessors", self.accessors.len(), 1 << 20),
+            ("bufferViews", self.buffer_views.len(), 1 << 20),
+            ("materials", self.materials.len(), 1 << 16),
+            ("meshes", self.meshes.len(), 1 << 20),
+            ("nodes", self.nodes.len(), 1 << 20),
         ];
-        match lists.iter().find(|(_, list, most)| list.len() > *most) {
-            Some((name, list, most)) => {
-                Err(fault(*name, format!("{} are more than {most}", list.len())))
+        match lists.iter().find(|(_, length, most)| length > most) {
+            Some((name, length, most)) => {
+                Err(fault(*name, format!("{length} are more than {most}")))
             }
             None => Ok(()),
         }

@@ -461,6 +461,19 @@ fn load_cameras() {
     let ray = cameras[0].ray(Vec2::new(1.0, 0.0), 1.5);
     assert!(close(ray.dir, Vec3::NEG_Z) && close(ray.origin, Vec3::new(3.0, 2.0, 0.0)));
     assert_eq!(cameras[0].aspect, Some(1.5));
+    // Negative magnifications mirror the picture.
+    for (x, y) in [(-3, 2), (3, -2), (-3, -2)] {
+        file.json["cameras"][0]["orthographic"]["xmag"] = json!(x);
+        file.json["cameras"][0]["orthographic"]["ymag"] = json!(y);
+        let mirrored = &file.loaded().parts.cameras[0];
+        let ray = mirrored.ray(Vec2::new(1.0, 0.0), 1.5);
+        let origin = Vec3::new(x as f32, y as f32, 0.0);
+        assert!(
+            close(ray.dir, Vec3::NEG_Z) && close(ray.origin, origin),
+            "{ray:?}"
+        );
+        assert_eq!(mirrored.aspect, Some(1.5));
+    }
     let turned = &cameras[1];
     assert!(
         matches!(turned.projection, Projection::Perspective { tan_half_y }

@@ -41,6 +41,27 @@ fn animate(file: &mut File, times: &[f32], output: usize, kind: &str, target: Va
     );
 }
 
+/// A file of one animation for each action, as Blender writes by default: all play, and the first of each property counts.
+#[test]
+fn animation_of_several_actions_is_named() {
+    let mut file = File::triangle();
+    for _ in 0..4 {
+        file.push("nodes", json!({ "name": "bone" }));
+    }
+    for action in 0..3 {
+        let place = [0.0, action as f32 + 1.0, 0.0];
+        let output = file.floats("VEC3", &[place, place].concat());
+        for node in 0..=4 {
+            let target = json!({ "node": node, "path": "translation" });
+            animate(&mut file, &[0.0, 1.0], output, "LINEAR", target);
+        }
+    }
+    let moved = at(&file, 0.5);
+    assert_eq!(moved.parts.meshes[0].positions[0].y, 1.0);
+    let nodes = "5 nodes: several animations move it; the first counts: nodes[0], nodes[1] (`bone`), nodes[2] (`bone`) …";
+    assert_eq!(moved.warnings, [nodes, "animations: all 15 play at once"]);
+}
+
 /// Objects of a studio move over a floor that stays where it is at rest.
 #[test]
 fn floor_of_the_studio_stays_at_every_moment() {
@@ -217,6 +238,11 @@ fn animation_of_morph_weights_adds_the_targets() {
         file.loaded().parts.meshes[0].positions[0],
         Vec3::new(4.0, 0.0, 2.0)
     );
+    assert_eq!(file.loaded().warnings, [""; 0]);
+    let mut tinted = file.clone();
+    tinted.primitive()["targets"][1]["COLOR_0"] = json!(up);
+    let line = "meshes[0]: morph targets of COLOR_0 are ignored";
+    assert_eq!(tinted.loaded().warnings, [line]);
     let output = file.floats("SCALAR", &[0.0, 1.0, 1.0, 0.0]);
     let target = json!({ "node": 0, "path": "weights" });
     animate(&mut file, &[0.0, 1.0], output, "LINEAR", target);
