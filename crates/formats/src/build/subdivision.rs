@@ -2,7 +2,6 @@
 
 use opsr::math::Vec3;
 use opsr::scene::mesh::Mesh;
-use std::collections::HashMap;
 use std::f32::consts::{PI, TAU};
 
 /// Neighbours of a vertex, counter-clockwise; from one end of the boundary to the other for a vertex on it.
@@ -11,36 +10,68 @@ struct Ring {
     open: bool,
 }
 
-/// Third corners of faces by their edges, in the direction of the face.
-type Corners = HashMap<[u32; 2], u32>;
+/// Third corners of faces by their edges, in the direction of the face: the edges of each vertex lie together, in the order of their ends.
+struct Corners {
+    first: Vec<u32>,
+    /// End and third corner.
+    edges: Vec<[u32; 2]>,
+}
+
+impl Corners {
+    fn place(&self, from: u32, to: u32) -> Option<usize> {
+        let [begin, end] = [0, 1].map(|k| self.first[from as usize + k] as usize);
+        let found = self.edges[begin..end].binary_search_by_key(&to, |edge| edge[0]);
+        found.ok().map(|at| begin + at)
+    }
+
+    fn get(&self, from: u32, to: u32) -> Option<u32> {
+        self.place(from, to).map(|at| self.edges[at][1])
+    }
+}
 
 /// The edges of faces, and the rings of all vertices. `None` if two faces have an edge in one direction, or if the faces at a vertex are
 /// not one fan: the mesh is no surface, or its windings differ.
 fn links(count: usize, faces: &[[u32; 3]]) -> Option<(Corners, Vec<Ring>)> {
-    let mut corners = Corners::with_capacity(3 * faces.len());
+    let mut first = vec![0u32; count + 1];
+    for &v in faces.as_flattened() {
+        first[v as usize + 1] += 1;
+    }
+    for v in 0..count {
+        first[v + 1] += first[v];
+    }
+    let (mut free, mut edges) = (first.clone(), vec![[0; 2]; 3 * faces.len()]);
     // A neighbour of each vertex, and the number of its faces.
-    let mut first = vec![(0, 0); count];
+    let mut starts = vec![(0, 0); count];
     for &[a, b, c] in faces {
         for (v, next, third) in [(a, b, c), (b, c, a), (c, a, b)] {
-            let is_new = v != next && corners.insert([v, next], third).is_none();
-            is_new.then_some(())?;
-            first[v as usize] = (next, first[v as usize].1 + 1);
+            let at = &mut free[v as usize];
+            edges[*at as usize] = [next, third];
+            *at += 1;
+            starts[v as usize] = (next, starts[v as usize].1 + 1);
         }
     }
+    for v in 0..count {
+        let of_one = &mut edges[first[v] as usize..first[v + 1] as usize];
+        of_one.sort_unstable();
+        let loops = of_one.iter().any(|edge| edge[0] as usize == v);
+        let twice = of_one.windows(2).any(|pair| pair[0][0] == pair[1][0]);
+        (!loops && !twice).then_some(())?;
+    }
+    let corners = Corners { first, edges };
     let ring = |(v, &(start, faces)): (usize, &(u32, usize))| {
         let v = v as u32;
         let (mut around, mut at, mut open) = (Vec::new(), start, faces == 0);
         // Clockwise to the end of a boundary, or once around.
         for _ in 0..faces {
-            match corners.get(&[at, v]) {
-                Some(&before) => at = before,
+            match corners.get(at, v) {
+                Some(before) => at = before,
                 None => open = true,
             }
         }
         let begin = at;
         for _ in 0..faces {
             around.push(at);
-            at = *corners.get(&[v, at])?;
+            at = corners.get(v, at)?;
         }
         if open && faces > 0 {
             around.push(at);
@@ -49,7 +80,7 @@ fn links(count: usize, faces: &[[u32; 3]]) -> Option<(Corners, Vec<Ring>)> {
         let whole = open || (at == begin && around[1..].iter().all(|&other| other != begin));
         whole.then_some(Ring { around, open })
     };
-    let rings: Option<Vec<Ring>> = first.iter().enumerate().map(ring).collect();
+    let rings: Option<Vec<Ring>> = starts.iter().enumerate().map(ring).collect();
     Some((corners, rings?))
 }
 
@@ -85,16 +116,23 @@ fn refined(
     let mut next: Vec<Vec3> = even
         .map(|(v, ring)| among(points, v, ring, beta, 0.125))
         .collect();
-    let mut middles = HashMap::new();
+    // By either direction of an edge.
+    let mut middles = vec![u32::MAX; corners.edges.len()];
     let mut middle = |a: u32, b: u32, c: u32| {
-        *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| {
-            let at = |i: u32| points[i as usize];
-            next.push(match corners.get(&[b, a]) {
-                Some(&d) => 0.375 * (at(a) + at(b)) + 0.125 * (at(c) + at(d)),
-                None => 0.5 * (at(a) + at(b)),
-            });
-            next.len() as u32 - 1
-        })
+        let (at, back) = (corners.place(a, b), corners.place(b, a));
+        if let Some(known) = at.map(|at| middles[at]).filter(|at| *at != u32::MAX) {
+            return known;
+        }
+        let p = |i: u32| points[i as usize];
+        next.push(match back {
+            Some(back) => 0.375 * (p(a) + p(b)) + 0.125 * (p(c) + p(corners.edges[back][1])),
+            None => 0.5 * (p(a) + p(b)),
+        });
+        let made = next.len() as u32 - 1;
+        for at in [at, back].into_iter().flatten() {
+            middles[at] = made;
+        }
+        made
     };
     let mut out = Vec::with_capacity(4 * faces.len());
     for &[a, b, c] in faces {
