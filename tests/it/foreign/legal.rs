@@ -424,7 +424,7 @@ fn foreign_names_of_pbrt_may_be_declared_later() {
     for (text, line) in [
         (
             text.replace("MakeNamedMaterial \"red\"", "MakeNamedMaterial \"blue\""),
-            "line 6: no material `red`",
+            "line 2: no material `red`",
         ),
         (
             text.replace("ObjectBegin \"ball\"", "ObjectBegin \"cube\""),

@@ -1,10 +1,14 @@
 //! Parts of other renderers' scenes that are shown, exactly or as what is nearest, where they could be refused.
 
-use super::nearest::{with_files, xml};
+use super::nearest::{usual, with_files, xml};
 use super::{message, read};
 use opsr::math::{Rgb, Vec2, Vec3};
-use opsr::scene::load::Unsupported;
+use opsr::scene::load::{Loaded, Unsupported};
 use opsr::scene::{Camera, Environment};
+
+fn pbrt(text: &str) -> Loaded {
+    usual("a.pbrt", &format!("WorldBegin\n{text}"))
+}
 
 fn pfm(side: usize, texel: impl Fn(usize) -> f32) -> Vec<u8> {
     let mut map = format!("PF\n{side} {side}\n-1.0\n").into_bytes();
@@ -118,4 +122,49 @@ fn foreign_pictures_off_the_centre_look_where_they_say() {
             .any(|line| line.contains("shifts of the picture")),
         "{lost:?}"
     );
+}
+
+/// Parts of mixtures, and materials of shapes in objects, may be declared later, as may objects.
+#[test]
+fn foreign_parts_of_mixtures_may_be_declared_later() {
+    let mixture = "MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [ \"a\" \"n\" ] \"float amount\" 0.25\n\
+        MakeNamedMaterial \"n\" \"string type\" \"mix\" \"string materials\" [ \"b\" \"b\" ]\n";
+    let parts = "MakeNamedMaterial \"a\" \"string type\" \"diffuse\" \"rgb reflectance\" [ 1 0 0 ]\n\
+        MakeNamedMaterial \"b\" \"string type\" \"diffuse\" \"rgb reflectance\" [ 0 1 0 ]\n";
+    let shapes = "NamedMaterial \"m\" Shape \"disk\"\n\
+        ObjectBegin \"o\" Shape \"sphere\" NamedMaterial \"b\" Shape \"disk\" ObjectEnd\n\
+        AttributeBegin Translate 0 0 7 ObjectInstance \"o\" AttributeEnd\n";
+    let seen = |text: &str| {
+        let parts = pbrt(text).parts;
+        let mut all: Vec<_> = (parts.meshes.iter())
+            .map(|mesh| {
+                let material = &parts.materials[mesh.material as usize];
+                let mix = material.finish.as_ref().and_then(|f| f.mix);
+                let other = mix.map(|mix| {
+                    (
+                        parts.materials[mix.other as usize].base_color.to_array(),
+                        mix.weight,
+                    )
+                });
+                let place = mesh.positions[0].to_array();
+                format!(
+                    "{place:?} {} {:?} {other:?}",
+                    mesh.indices.len(),
+                    material.base_color
+                )
+            })
+            .collect();
+        all.sort();
+        all
+    };
+    let usual = seen(&[parts, mixture, shapes].concat());
+    assert_eq!(usual.len(), 3);
+    assert_eq!(seen(&[mixture, shapes, parts].concat()), usual);
+    assert_eq!(seen(&[shapes, parts, mixture].concat()), usual);
+    assert_eq!(seen(&[mixture, parts, shapes].concat()), usual);
+    let said = message("a.pbrt", &format!("WorldBegin\n{mixture}{shapes}"));
+    assert!(said.contains("line 2: no material `a`"), "{said}");
+    let endless = mixture.replace("\"b\" \"b\"", "\"m\" \"n\"");
+    let said = message("a.pbrt", &format!("WorldBegin\n{endless}{parts}{shapes}"));
+    assert!(said.contains("a mixture that holds itself"), "{said}");
 }

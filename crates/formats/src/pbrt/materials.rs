@@ -25,6 +25,19 @@ fn remapped(roughness: f32, remap: bool) -> f32 {
     }
 }
 
+/// The names of a mixture's parts, and true for a file of version 3, which names them apart and whose amount is the first one's.
+pub(super) fn parts_of(parameters: &Parameters) -> Result<(Vec<String>, bool)> {
+    let apart = [
+        parameters.text("namedmaterial1")?,
+        parameters.text("namedmaterial2")?,
+    ];
+    match (parameters.get("materials").map(|p| &p.values), apart) {
+        (Some(Values::Texts(names)), _) if names.len() == 2 => Ok((names.clone(), false)),
+        (_, [Some(first), Some(second)]) => Ok((vec![second.to_owned(), first.to_owned()], true)),
+        _ => Err(fault(&parameters.place, "a mixture names two materials")),
+    }
+}
+
 impl Scene<'_> {
     /// The look of a declared material.
     pub(super) fn look(&mut self, declared: &Rc<Declared>, depth: usize) -> Result<Look> {
@@ -251,16 +264,7 @@ impl Scene<'_> {
 
     fn mixture(&mut self, parameters: &Parameters, depth: usize) -> Result<Material> {
         let place = &parameters.place;
-        // Version 3 names them apart, and its amount is the first one's.
-        let apart = [
-            parameters.text("namedmaterial1")?,
-            parameters.text("namedmaterial2")?,
-        ];
-        let (names, older) = match (parameters.get("materials").map(|p| &p.values), apart) {
-            (Some(Values::Texts(names)), _) if names.len() == 2 => (names.clone(), false),
-            (_, [Some(first), Some(second)]) => (vec![second.to_owned(), first.to_owned()], true),
-            _ => return Err(fault(place, "a mixture names two materials")),
-        };
+        let (names, older) = parts_of(parameters)?;
         let mut looks = Vec::new();
         for name in &names {
             let known = self.named_material(name, place)?;

@@ -76,8 +76,10 @@ struct Scene<'a> {
     /// Declarations and lights that looks are known by: their addresses must stay theirs.
     kept: Vec<Rc<Declared>>,
     lights_kept: Vec<Rc<Parameters>>,
-    /// Shapes of materials, and instances, that were named before they were declared.
-    later: Vec<(State, String, Parameters)>,
+    /// Shapes of materials that were named before they were declared, each with the object that it is in, and instances of what was
+    /// not whole yet; true once the file is read.
+    later: Vec<(State, String, Parameters, Option<String>)>,
+    is_read: bool,
     instances: Vec<(DMat4, String, String)>,
     /// Film's parameters, and those of the camera with its pose.
     film: Option<Parameters>,
@@ -105,6 +107,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         kept: Vec::new(),
         lights_kept: Vec::new(),
         later: Vec::new(),
+        is_read: false,
         instances: Vec::new(),
         film: None,
         camera: None,
@@ -125,18 +128,38 @@ fn matrix(n: [f64; 16]) -> DMat4 {
 impl Scene<'_> {
     /// Shapes and instances of names that come later.
     fn rest(&mut self) -> Result<()> {
-        for (state, kind, parameters) in std::mem::take(&mut self.later) {
+        self.is_read = true;
+        for (state, kind, parameters, object) in std::mem::take(&mut self.later) {
             if let Some((name, place)) = &state.awaited {
                 self.named_material(name, place)?;
             }
             self.state = state;
+            self.object = object.map(|name| {
+                let members = self.objects.remove(&name).unwrap_or_default();
+                (name, Rc::unwrap_or_clone(members))
+            });
             self.shape(&kind, &parameters)?;
+            if let Some((name, members)) = self.object.take() {
+                self.objects.insert(name, Rc::new(members));
+            }
         }
         for (pose, name, place) in std::mem::take(&mut self.instances) {
             self.state.pose = pose;
             self.instance(&name, &place)?;
         }
         Ok(())
+    }
+
+    /// True if a mixture has a part that is not declared yet.
+    fn awaits(&self, declared: &Declared, depth: usize) -> bool {
+        let awaits = |name: &String| match self.materials.get(name) {
+            Some(part) => self.awaits(part, depth + 1),
+            None => true,
+        };
+        declared.kind == "mix"
+            && depth < 8
+            && materials::parts_of(&declared.parameters)
+                .is_ok_and(|(all, _)| all.iter().any(awaits))
     }
 
     fn named_material(&self, name: &str, place: &str) -> Result<Rc<Declared>> {
@@ -196,7 +219,8 @@ impl Scene<'_> {
             }
             "ObjectInstance" => {
                 let name = tokens.quoted()?;
-                if self.object.is_none() && !self.objects.contains_key(&name) {
+                let is_whole = self.later.is_empty() && self.objects.contains_key(&name);
+                if self.object.is_none() && !is_whole {
                     self.instances.push((self.state.pose, name, place));
                     return Ok(());
                 }

@@ -18,16 +18,18 @@ use std::rc::Rc;
 impl Scene<'_> {
     pub(super) fn shape(&mut self, kind: &str, parameters: &Parameters) -> Result<()> {
         let place = &parameters.place;
-        if let Some((name, at)) = self.state.awaited.clone() {
-            match self.named_material(&name, &at) {
-                Ok(known) => (self.state.material, self.state.awaited) = (Some(known), None),
-                Err(unknown) if self.object.is_some() => return Err(unknown),
-                Err(_) => {
-                    let later = (self.state.clone(), kind.to_owned(), parameters.clone());
-                    self.later.push(later);
-                    return Ok(());
-                }
-            }
+        if let Some((name, at)) = &self.state.awaited
+            && let Ok(known) = self.named_material(name, at)
+        {
+            (self.state.material, self.state.awaited) = (Some(known), None);
+        }
+        let awaits = self.state.awaited.is_some()
+            || (self.state.material.as_ref()).is_some_and(|declared| self.awaits(declared, 0));
+        if awaits && !self.is_read {
+            let object = self.object.as_ref().map(|(name, _)| name.clone());
+            let (state, parameters) = (self.state.clone(), parameters.clone());
+            (self.later).push((state, kind.to_owned(), parameters, object));
+            return Ok(());
         }
         let pose = self.pose(place)?;
         let reversed = self.state.reversed;
