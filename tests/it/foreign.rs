@@ -152,28 +152,30 @@ pub(super) fn message(name: &str, text: &str) -> String {
 /// What is not supported is an error with its line, or with `--unsupported skip` a warning.
 #[test]
 fn foreign_unsupported_parts_are_named_with_their_line() {
-    let xml = "<scene version=\"3.0.0\">\n  <shape type=\"sphere\">\n    <bsdf type=\"hair\"/>\n  </shape>\n</scene>";
+    let xml = "<scene version=\"3.0.0\">\n  <shape type=\"sphere\">\n    <bsdf type=\"measured\"/>\n  </shape>\n</scene>";
     let text = message("a.xml", xml);
     assert!(
-        text.contains("line 3: bsdf `hair` is not supported; --unsupported nearest shows a grey"),
+        text.contains(
+            "line 3: bsdf `measured` is not supported; --unsupported nearest shows a grey"
+        ),
         "{text}"
     );
     let loaded = read("a.xml", xml, true).unwrap();
     assert_eq!(
         loaded.warnings,
-        ["line 3: bsdf `hair` is not supported: shown as a grey diffuse surface"]
+        ["line 3: bsdf `measured` is not supported: shown as a grey diffuse surface"]
     );
     assert_eq!(loaded.parts.meshes.len(), 1);
-    let pbrt = "WorldBegin\n# A comment\nMaterial \"hair\"\nShape \"sphere\"\n";
+    let pbrt = "WorldBegin\n# A comment\nMaterial \"measured\"\nShape \"sphere\"\n";
     let text = message("a.pbrt", pbrt);
     assert!(
-        text.contains("line 3: material `hair` is not supported"),
+        text.contains("line 3: material `measured` is not supported"),
         "{text}"
     );
     let loaded = read("a.pbrt", pbrt, true).unwrap();
     assert_eq!(
         loaded.warnings,
-        ["line 3: material `hair` is not supported: shown as a grey diffuse surface"]
+        ["line 3: material `measured` is not supported: shown as a grey diffuse surface"]
     );
 }
 

@@ -3,6 +3,7 @@
 
 pub mod build;
 mod compressed;
+mod curves;
 mod images;
 mod media;
 mod mitsuba;

@@ -36,20 +36,20 @@ pub(super) fn xml(inner: &str) -> String {
 /// A surface that is not supported is shown with a word, or refused if the user says so; what changes the light is refused.
 #[test]
 fn nearest_surfaces_are_named_and_lights_are_not_left_out() {
-    let hair = xml("<shape type=\"sphere\"><bsdf type=\"hair\"/></shape>");
-    let line = "line 2: bsdf `hair` is not supported: shown as a grey diffuse surface";
-    assert_eq!(usual("a.xml", &hair).warnings, [line]);
-    let said = message("a.xml", &hair);
+    let measured = xml("<shape type=\"sphere\"><bsdf type=\"measured\"/></shape>");
+    let line = "line 2: bsdf `measured` is not supported: shown as a grey diffuse surface";
+    assert_eq!(usual("a.xml", &measured).warnings, [line]);
+    let said = message("a.xml", &measured);
     assert!(
         said.contains("--unsupported nearest shows a grey diffuse surface"),
         "{said}"
     );
     assert_eq!(
-        read("a.xml", &hair, true).expect("a scene").warnings,
+        read("a.xml", &measured, true).expect("a scene").warnings,
         [line]
     );
     for (name, text) in [
-        ("a.xml", xml("<emitter type=\"projector\"/>")),
+        ("a.xml", xml("<emitter type=\"laser\"/>")),
         ("a.xml", xml("<shape type=\"heightfield\"/>")),
         (
             "a.xml",
@@ -591,7 +591,7 @@ fn names_of_older_mitsuba_are_read() {
     let merged = "<shape type=\"merge\"><shape type=\"sphere\"/><shape type=\"cube\"/></shape>";
     assert_eq!(usual("a.xml", &xml(merged)).parts.meshes.len(), 2);
     let fog = "<shape type=\"cube\"><medium type=\"homogeneous\" name=\"interior\"><phase type=\"rayleigh\"/></medium></shape>";
-    assert!(usual("a.xml", &xml(fog)).warnings[0].contains("Rayleigh's phase function"));
+    assert!(usual("a.xml", &xml(fog)).warnings[0].contains("phase function `rayleigh`"));
 }
 
 /// The zenith is +z in Mitsuba 3 and +y before; the sun alone is a light without area.

@@ -1,13 +1,102 @@
 //! Parts of other renderers' scenes that are shown, exactly or as what is nearest, where they could be refused.
 
-use super::nearest::{usual, with_files, xml};
+use super::nearest::{png, usual, with_files, xml};
 use super::{message, read};
 use opsr::math::{Rgb, Vec2, Vec3};
+use opsr::scene::camera::Projection;
 use opsr::scene::load::{Loaded, Unsupported};
-use opsr::scene::{Camera, Environment};
+use opsr::scene::texture::Wrap;
+use opsr::scene::{Camera, Environment, PunctualLight};
+use std::f32::consts::PI;
 
 fn pbrt(text: &str) -> Loaded {
     usual("a.pbrt", &format!("WorldBegin\n{text}"))
+}
+
+/// The one word that a scene is read with.
+fn word(loaded: &Loaded) -> &str {
+    assert_eq!(loaded.warnings.len(), 1, "{:?}", loaded.warnings);
+    &loaded.warnings[0]
+}
+
+/// Textures of noise are shown by their mean, which a word names; one without a mean of its own is grey.
+#[test]
+fn foreign_textures_of_noise_are_their_mean() {
+    let colour = |texture: &str| {
+        let loaded = pbrt(&format!(
+            "Texture \"t\" \"spectrum\" {texture}\nMaterial \"diffuse\" \"texture reflectance\" \"t\" Shape \"disk\""
+        ));
+        let kind = texture.split('"').nth(1).expect("a kind");
+        let shown = word(&loaded);
+        assert!(
+            shown.contains(&format!("texture `{kind}` is not supported")),
+            "{shown}"
+        );
+        (
+            loaded.parts.materials[0].base_color,
+            shown.contains("its mean"),
+        )
+    };
+    // Two fifths of the cells have a disk of radius 0.35.
+    let covered = 0.39 * PI * 0.35 * 0.35;
+    let (dotted, mean) = colour("\"dots\" \"rgb inside\" [1 0.5 0] \"rgb outside\" [0 0.5 1]");
+    let expected = Rgb::new(covered, 0.5, 1.0 - covered);
+    assert!(
+        mean && (dotted - expected).abs().max_element() < 0.01,
+        "{dotted}"
+    );
+    for kind in ["fbm", "wrinkled", "windy", "marble"] {
+        let (found, mean) = colour(&format!("\"{kind}\""));
+        assert!(mean && found.min_element() > 0.0 && found.max_element() < 1.0);
+    }
+    assert_eq!(colour("\"ptex\""), (Rgb::splat(0.5), false));
+}
+
+/// A texture is the share of a mixture of colours and images, texel by texel; and a `bilerp` beyond its square has a word.
+#[test]
+fn foreign_textures_are_mixed_by_textures() {
+    let files = [("a.png", png(1, 8)), ("b.png", png(2, 8))];
+    let image = |name: &str| {
+        format!(
+            "Texture \"{name}\" \"spectrum\" \"imagemap\" \"string filename\" \"{name}.png\" \"string filter\" \"point\"\n"
+        )
+    };
+    let text = format!(
+        "WorldBegin\n{}{}Texture \"m\" \"spectrum\" \"mix\" \"texture tex1\" \"a\" \"rgb tex2\" [0.2 2 0.4] \"texture amount\" \"b\"\n\
+         Material \"diffuse\" \"texture reflectance\" \"m\" Shape \"disk\"",
+        image("a"),
+        image("b")
+    );
+    let loaded = with_files("a.pbrt", &text, &files, Unsupported::Error).expect("a scene");
+    let material = &loaded.parts.materials[0];
+    let map = material.base_color_texture.expect("a texture").texture;
+    let at = |i: usize, texture: usize| {
+        let uv = Vec2::new((i % 8) as f32 + 0.5, (i / 8) as f32 + 0.5) / 8.0;
+        Rgb::from_slice(&loaded.parts.textures[texture].sample(uv)[..3])
+    };
+    for i in 0..64 {
+        let (a, t) = (at(i, 0), at(i, 1));
+        let expected = a + (Rgb::new(0.2, 2.0, 0.4) - a) * t;
+        let found = material.base_color * at(i, map as usize);
+        assert!(found.distance(expected) < 1e-3, "{i}: {found} {expected}");
+    }
+    let blend = |more: &str| {
+        pbrt(&format!(
+            "Texture \"t\" \"spectrum\" \"bilerp\" {more}\nMaterial \"diffuse\" \"texture reflectance\" \"t\" Shape \"disk\""
+        ))
+    };
+    assert!(
+        blend("\"float uscale\" 0.5 \"float udelta\" 0.5")
+            .warnings
+            .is_empty()
+    );
+    for more in [
+        "\"float vscale\" 2",
+        "\"float udelta\" -0.1",
+        "\"string mapping\" \"planar\"",
+    ] {
+        assert!(word(&blend(more)).contains("held at its border"), "{more}");
+    }
 }
 
 fn pfm(side: usize, texel: impl Fn(usize) -> f32) -> Vec<u8> {
@@ -124,6 +213,68 @@ fn foreign_pictures_off_the_centre_look_where_they_say() {
     );
 }
 
+/// A lens by its surfaces is shown by its focal length and its entrance pupil: those of a ball of glass, which stand in any book.
+#[test]
+fn foreign_lenses_by_their_surfaces_have_their_focal_length() {
+    let shot = |lens: &str, more: &str| {
+        let text = format!(
+            "Film \"rgb\" \"integer xresolution\" 300 \"integer yresolution\" 400 \"float diagonal\" 20\n\
+             Camera \"realistic\" \"string lensfile\" \"l.dat\" {more}\nWorldBegin"
+        );
+        with_files(
+            "a.pbrt",
+            &text,
+            &[("l.dat", lens.into())],
+            Unsupported::Nearest,
+        )
+    };
+    // A stop 5 mm before a ball of radius 10 mm and index 1.5: focal length n R / (2 (n − 1)). The stop is its own entrance pupil.
+    let ball = "# a ball\n0 5 0 4\n10 20 1.5 20\n-10 30 1 20\n";
+    let loaded = shot(
+        ball,
+        "\"float aperturediameter\" 3 \"float focusdistance\" 2",
+    )
+    .expect("a scene");
+    assert!(word(&loaded).contains("a perspective one of its focal length"));
+    let camera = &loaded.parts.cameras[0];
+    let Projection::Perspective { tan_half_y } = camera.projection else {
+        panic!("a perspective");
+    };
+    // The height is four fifths of the diagonal.
+    assert!(
+        (tan_half_y - 0.5 * 20.0 * 0.8 / 15.0).abs() < 1e-5,
+        "{tan_half_y}"
+    );
+    let lens = camera.lens.expect("a lens");
+    assert!(
+        (lens.radius - 0.0015).abs() < 1e-7 && lens.focus == 2.0,
+        "{lens:?}"
+    );
+    // Wider than the stop's own size it does not open.
+    let wide = shot(ball, "\"float aperturediameter\" 9").expect("a scene");
+    assert!((wide.parts.cameras[0].lens.expect("a lens").radius - 0.002).abs() < 1e-7);
+    // A stop behind a thin lens of focal length 20 mm, half-way to its focus, looks twice as large.
+    let behind = "20 0 1.5 20\n-20 10 1 20\n0 10 0 4\n";
+    let lens = shot(behind, "\"float aperturediameter\" 4")
+        .expect("a scene")
+        .parts
+        .cameras[0]
+        .lens;
+    assert!(
+        (lens.expect("a lens").radius - 0.004).abs() < 1e-6,
+        "{lens:?}"
+    );
+    for lens in [
+        "",
+        "10 20 1.5",
+        "10 20 1.5 x",
+        "-10 0 1.5 20\n10 0 1 20\n0 1 0 2",
+    ] {
+        let said = shot(lens, "").expect_err("an error");
+        assert!(said.contains("line 2: l.dat: no lens"), "{lens}: {said}");
+    }
+}
+
 /// Parts of mixtures, and materials of shapes in objects, may be declared later, as may objects.
 #[test]
 fn foreign_parts_of_mixtures_may_be_declared_later() {
@@ -167,4 +318,264 @@ fn foreign_parts_of_mixtures_may_be_declared_later() {
     let endless = mixture.replace("\"b\" \"b\"", "\"m\" \"n\"");
     let said = message("a.pbrt", &format!("WorldBegin\n{endless}{parts}{shapes}"));
     assert!(said.contains("a mixture that holds itself"), "{said}");
+}
+
+/// Names of pbrt-v3 and of Mitsuba 0.6 that change nothing pass, and others have a word or their meaning.
+#[test]
+fn foreign_names_of_older_files_are_known() {
+    let triangle = "\"point P\" [ 0 0 0 1 0 0 0 1 0 ]";
+    let mesh = pbrt(&format!(
+        "Shape \"trianglemesh\" {triangle} \"bool discarddegenerateUVs\" \"true\""
+    ));
+    assert!(mesh.warnings.is_empty(), "{:?}", mesh.warnings);
+    let shadow = pbrt(&format!(
+        "Shape \"trianglemesh\" {triangle} \"float shadowalpha\" 0"
+    ));
+    assert!(word(&shadow).contains("`shadowalpha` of `trianglemesh` is not taken"));
+    // It guides samples alone: the lamp's own image has the light.
+    let lamp = pbrt(
+        "AreaLightSource \"diffuse\" Shape \"bilinearmesh\" \"string emissionfilename\" \"a.exr\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 1 1 0 ]",
+    );
+    assert!(lamp.warnings.is_empty() && lamp.parts.materials[0].emission == Rgb::ONE);
+    let hills = pbrt(
+        "Shape \"heightfield\" \"integer nu\" 3 \"integer nv\" 2 \"float Pz\" [ 0 1 2 3 4 5 ]",
+    );
+    let mesh = &hills.parts.meshes[0];
+    assert!(hills.warnings.is_empty() && mesh.indices.len() == 4);
+    assert!(
+        mesh.positions.contains(&Vec3::new(0.5, 1.0, 4.0))
+            && mesh.positions.contains(&Vec3::new(1.0, 0.0, 2.0))
+    );
+    let said = message(
+        "a.pbrt",
+        "WorldBegin\nShape \"heightfield\" \"integer nu\" 3 \"integer nv\" 2",
+    );
+    assert!(said.contains("line 2: 0 heights for 3 times 2"), "{said}");
+    let text = |texture: &str| {
+        let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n\
+            property uchar green\nproperty uchar blue\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+            0 0 0 255 0 0\n1 0 0 255 0 0\n0 1 0 255 0 0\n3 0 1 2\n";
+        let shape = format!(
+            "<scene version=\"0.6.0\"><shape type=\"ply\"><string name=\"filename\" value=\"a.ply\"/>\
+             <bsdf type=\"diffuse\">{texture}</bsdf></shape></scene>"
+        );
+        let files = [("a.ply", ply.into()), ("a.png", png(3, 4))];
+        with_files("a.xml", &shape, &files, Unsupported::Error).expect("a scene")
+    };
+    let clamped = text(
+        "<texture type=\"bitmap\" name=\"reflectance\"><string name=\"filename\" value=\"a.png\"/>\
+         <string name=\"wrapModeU\" value=\"clamp\"/><string name=\"wrapModeV\" value=\"mirror\"/></texture>",
+    );
+    assert_eq!(clamped.parts.textures[0].wrap, [Wrap::Clamp, Wrap::Mirror]);
+    let painted = text("<texture type=\"vertexcolors\" name=\"reflectance\"/>");
+    let finish = painted.parts.materials[0]
+        .finish
+        .as_ref()
+        .expect("a finish");
+    assert!(finish.has_colors && painted.parts.materials[0].base_color == Rgb::ONE);
+}
+
+/// A projector is a spot of its mean. Mitsuba 3.9 shows a radiance of 0.75 on a white wall at distance 2 for an image of 3, over
+/// 0.728 times half of that to each side.
+#[test]
+fn foreign_projectors_are_spots_of_their_mean() {
+    let text = |more: &str| {
+        let texture = "<texture type=\"bitmap\" name=\"irradiance\"><string name=\"filename\" value=\"m.pfm\"/></texture>";
+        xml(&format!(
+            "<emitter type=\"projector\">{more}{texture}</emitter>"
+        ))
+    };
+    let mut map = b"PF\n2 1\n-1.0\n".to_vec();
+    map.extend(
+        [2f32, 2.0, 2.0, 4.0, 4.0, 4.0]
+            .iter()
+            .flat_map(|value| value.to_le_bytes()),
+    );
+    let files = [("m.pfm", map)];
+    let loaded = with_files(
+        "a.xml",
+        &text("<float name=\"fov\" value=\"40\"/>"),
+        &files,
+        Unsupported::Nearest,
+    );
+    let loaded = loaded.expect("a scene");
+    assert!(word(&loaded).contains("a spot light of its mean"));
+    let PunctualLight::Spot {
+        intensity,
+        cos_outer,
+        direction,
+        ..
+    } = loaded.parts.lights[0]
+    else {
+        panic!("a spot light");
+    };
+    assert_eq!(direction, Vec3::Z);
+    let radiance = intensity / (2.0 * 2.0 * PI);
+    assert!((radiance - 0.75).abs().max_element() < 1e-5, "{radiance}");
+    let (disk, image) = (PI * (cos_outer.powi(-2) - 1.0), (0.728 * 0.728) / 2.0);
+    assert!((disk / image - 1.0).abs() < 2e-3, "{disk} {image}");
+    let said = message("a.xml", &text(""));
+    assert!(said.contains("line 2: "), "{said}");
+}
+
+/// Phase functions are shown by their mean cosine.
+#[test]
+fn foreign_phase_functions_have_their_mean_cosine() {
+    let cosine = |phase: &str| {
+        let text = xml(&format!(
+            "<shape type=\"sphere\"><medium name=\"interior\" type=\"homogeneous\">{phase}</medium></shape>"
+        ));
+        let text = text.replace("<medium", "<bsdf type=\"null\"/><medium");
+        let loaded = usual("a.xml", &text);
+        assert!(!loaded.warnings.is_empty());
+        loaded.parts.materials[0]
+            .medium
+            .as_ref()
+            .expect("a medium")
+            .mean_cosine
+    };
+    // ∫ c (1 + c) over ∫ (1 + c) is 1/3; of a tent around 0 it is 0.
+    let table = |values: &str| {
+        format!("<phase type=\"tabphase\"><string name=\"values\" value=\"{values}\"/></phase>")
+    };
+    for (phase, expected) in [
+        (table("0, 1"), 1.0 / 3.0),
+        (table("0, 0.5, 1"), 1.0 / 3.0),
+        (table("3, 3, 3"), 0.0),
+        (table("0, 2, 0"), 0.0),
+        (table("1, 0, 0, 0, 0"), -1.0 + 0.5 / 3.0),
+        ("<phase type=\"sggx\"/>".into(), 0.0),
+        ("<phase type=\"rayleigh\"/>".into(), 0.0),
+        (
+            format!(
+                "<phase type=\"blendphase\"><float name=\"weight\" value=\"0.25\"/>{}<phase type=\"hg\"><float name=\"g\" value=\"0.8\"/></phase></phase>",
+                table("0, 1")
+            ),
+            0.25 + 0.2,
+        ),
+    ] {
+        let found = cosine(&phase);
+        assert!(
+            (found - expected).abs() < 1e-6,
+            "{phase}: {found} {expected}"
+        );
+    }
+    for phase in [
+        table(""),
+        table("1"),
+        table("1, -1"),
+        "<phase type=\"blendphase\"/>".into(),
+    ] {
+        let text = format!(
+            "<shape type=\"sphere\"><medium name=\"interior\" type=\"homogeneous\">\n{phase}</medium></shape>"
+        );
+        let said =
+            with_files("a.xml", &xml(&text), &[], Unsupported::Nearest).expect_err("an error");
+        assert!(said.contains("line 3: "), "{said}");
+    }
+}
+
+/// Hair is a surface of the colour that its absorption gives many hairs, and curves are tubes of their radius.
+#[test]
+fn foreign_hair_is_tubes_of_its_colour() {
+    let of_pbrt = |more: &str| {
+        let loaded = pbrt(&format!("Material \"hair\" {more} Shape \"sphere\""));
+        assert!(word(&loaded).contains("a glossy surface of its colour"));
+        loaded.parts.materials[0].base_color
+    };
+    // Chiang et al. 2016: absorption (ln c / f)² of colour c, with f of a roughness of 0.3.
+    let f = 5.969 - 0.215 * 0.3 + 2.532 * 0.3f32.powi(2) - 10.73 * 0.3f32.powi(3)
+        + 5.574 * 0.3f32.powi(4)
+        + 0.245 * 0.3f32.powi(5);
+    let colour = Rgb::new(0.8, 0.5, 0.2);
+    let [r, g, b] = colour.to_array().map(|c| (c.ln() / f).powi(2));
+    let found = of_pbrt(&format!("\"rgb sigma_a\" [ {r} {g} {b} ]"));
+    assert!(found.distance(colour) < 1e-5, "{found}");
+    assert_eq!(of_pbrt("\"rgb reflectance\" [ 0.8 0.5 0.2 ]"), colour);
+    let (black, red, blond) = (
+        of_pbrt(""),
+        of_pbrt("\"float pheomelanin\" 1.3"),
+        of_pbrt("\"float eumelanin\" 0.1"),
+    );
+    assert!(
+        black.max_element() < 0.02 && blond.x > 0.2 && red.x > 2.0 * red.y,
+        "{black} {red} {blond}"
+    );
+    let text = "<shape type=\"sphere\"><bsdf type=\"hair\"><float name=\"eumelanin\" value=\"0.1\"/></bsdf></shape>";
+    assert_eq!(
+        usual("a.xml", &xml(text)).parts.materials[0].base_color,
+        blond
+    );
+
+    let curves = "0 0 0 0.1\n0 0 1 0.1\n0 0 2 0.1\n0 0 3 0.1\n\n\n9 0 0 0.1\n9 0 1 0.1\n9 0 2 0.1\n9 0 3 0.1\n";
+    let mut hair = [b"BINARY_HAIR".as_slice(), &8u32.to_le_bytes()].concat();
+    for (k, line) in curves.lines().filter(|line| !line.is_empty()).enumerate() {
+        let infinite = (k == 4).then_some(f32::INFINITY);
+        let place = line
+            .split(' ')
+            .take(3)
+            .map(|word| word.parse().expect("a number"));
+        hair.extend(infinite.into_iter().chain(place).flat_map(f32::to_le_bytes));
+    }
+    let files = [("c.txt", curves.into()), ("c.hair", hair)];
+    let read = |plugin: &str, more: &str| {
+        let text = xml(&format!(
+            "<shape type=\"{plugin}\">{more}<transform name=\"to_world\"><scale value=\"2\"/></transform></shape>"
+        ));
+        with_files("a.xml", &text, &files, Unsupported::Error)
+    };
+    let span = |plugin: &str, more: &str| {
+        let loaded = read(plugin, more).expect("a scene");
+        assert!(word(&loaded).contains("is shown as tubes"));
+        let points = &loaded.parts.meshes[0].positions;
+        let fold = |of: fn(Vec3, Vec3) -> Vec3| points.iter().copied().reduce(of).expect("points");
+        (fold(Vec3::min), fold(Vec3::max))
+    };
+    let file = "<string name=\"filename\" value=\"c.txt\"/>";
+    // Points are moved, radii are not scaled, as in Mitsuba 3.9. A spline goes from the mean of its first points, weighted 1, 4, 1.
+    for (plugin, more, low, high, radius) in [
+        ("linearcurve", file.to_owned(), 0.0, 6.0, 0.1),
+        ("bsplinecurve", file.to_owned(), 2.0, 4.0, 0.1),
+        (
+            "hair",
+            format!("{file}<float name=\"radius\" value=\"0.2\"/>"),
+            0.0,
+            6.0,
+            0.1,
+        ),
+        (
+            "hair",
+            file.replace("c.txt", "c.hair") + "<float name=\"radius\" value=\"0.2\"/>",
+            0.0,
+            6.0,
+            0.2,
+        ),
+    ] {
+        let (from, to) = span(plugin, &more);
+        assert!(
+            (from.z - low).abs() < 1e-5 && (to.z - high).abs() < 1e-5,
+            "{plugin}: {from} {to}"
+        );
+        let wide = [-from.x, to.x - 18.0];
+        assert!(
+            wide.iter()
+                .all(|w| *w < radius + 1e-5 && *w > 0.86 * radius),
+            "{plugin}: {from} {to}"
+        );
+    }
+    for (curves, words) in [
+        ("0 0 0 0.1\n0 0 1\n1 2\n", "line 3: is no point"),
+        ("0 0 0 1\n", "curve 0 has 1 points"),
+        ("0 0 0 nan\n0 0 1 1", "curve 0 is not finite"),
+    ] {
+        let text = xml(&format!("<shape type=\"linearcurve\">{file}</shape>"));
+        let said = with_files(
+            "a.xml",
+            &text,
+            &[("c.txt", curves.into())],
+            Unsupported::Nearest,
+        );
+        let said = said.expect_err("an error");
+        assert!(said.contains(words), "{said}");
+    }
 }

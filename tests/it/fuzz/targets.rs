@@ -111,11 +111,7 @@ pub(crate) fn foreign() -> Vec<Target> {
                 format!("Shape \"plymesh\" \"string filename\" \"{name}\""),
             ),
             false => {
-                let kind = if name.ends_with("obj") {
-                    "obj"
-                } else {
-                    "serialized"
-                };
+                let kind = name.rsplit('.').next().unwrap_or_default();
                 let shape = format!(
                     "<shape type=\"{kind}\"><string name=\"filename\" value=\"{name}\"/></shape>"
                 );
@@ -170,6 +166,13 @@ pub(crate) fn foreign() -> Vec<Target> {
             rendered(&wrapped(path, ktx2))
         }),
         target("serialized", "fuzz.serialized", vec![serialized()], mesh),
+        target("hair", "fuzz.hair", hair(), mesh),
+        target("lens", "fuzz.dat", vec![LENS.into()], |path| {
+            let scene = path.with_file_name("a.pbrt");
+            let text = "Camera \"realistic\" \"string lensfile\" \"fuzz.dat\"\nWorldBegin Shape \"sphere\"";
+            std::fs::write(&scene, text).expect("a file");
+            rendered(&scene)
+        }),
     ]
 }
 
@@ -327,6 +330,23 @@ fn binary_ply() -> Vec<u8> {
         bytes.extend(i.to_be_bytes());
     }
     bytes
+}
+
+/// A stop before a ball of glass.
+const LENS: &str = "# a ball\n0 5 0 4\n10 20 1.5 20\n-10 30 1 20\n";
+
+/// Two strands as text, and in Mitsuba's binary form.
+fn hair() -> Vec<Vec<u8>> {
+    let strand = |x: f32| [[x, 0.0, 0.0], [x, 1.0, 0.0], [x, 2.0, 1.0]];
+    let line = |[x, y, z]: [f32; 3]| format!("{x} {y} {z} 0.1\n");
+    let text = [0.0, 1.0].map(|x| strand(x).map(line).concat());
+    let mut binary = [b"BINARY_HAIR".as_slice(), &6u32.to_le_bytes()].concat();
+    for x in [0.0, 1.0] {
+        let begin = [f32::INFINITY].into_iter();
+        let numbers = begin.chain(strand(x).into_iter().flatten());
+        binary.extend(numbers.flat_map(f32::to_le_bytes));
+    }
+    vec![text.join("\n").into_bytes(), binary]
 }
 
 /// A triangle of Mitsuba's own format.

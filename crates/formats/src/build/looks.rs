@@ -147,6 +147,26 @@ pub fn width_of_phong(exponent: f32) -> f32 {
     (2.0 / (exponent.max(0.0) + 2.0)).sqrt()
 }
 
+/// Absorption of hair with these concentrations of eumelanin and pheomelanin (d'Eon et al. 2011).
+pub fn melanin(dark: f32, red: f32) -> Rgb {
+    dark * Rgb::new(0.419, 0.697, 1.37) + red * Rgb::new(0.187, 0.4, 1.05)
+}
+
+/// Colour of many hairs of this absorption and azimuthal roughness: the fit of Chiang et al. 2016, equation 9, the other way round.
+pub fn colour_of_hair(absorption: Rgb, rough: f32) -> Rgb {
+    let terms = [5.969, -0.215, 2.532, -10.73, 5.574, 0.245];
+    let width = terms.iter().rev().fold(0.0, |sum, term| sum * rough + term);
+    absorption.map(|a| (-width * a.max(0.0).sqrt()).exp())
+}
+
+/// Hair as a glossy surface of its colour: keratin's index, and a highlight as wide as that of its usual roughness.
+pub fn hair(colour: Rgb) -> Material {
+    Material {
+        alpha: 0.2,
+        ..glossy(Paint::plain(colour), Rgb::ONE, 1.55)
+    }
+}
+
 /// A surface that only emits, from its front.
 pub fn lamp(radiance: Rgb) -> Material {
     Material {
@@ -213,34 +233,39 @@ impl Builder {
         }
     }
 
-    /// Result of `of` for two colours or textures, texel by texel. `None` if both are textures with different coordinates.
-    pub fn combined(&mut self, a: Paint, b: Paint, of: impl Fn(Rgb, Rgb) -> Rgb) -> Option<Paint> {
-        let Some(map) = a.map.or(b.map) else {
-            return Some(Paint::plain(of(a.factor, b.factor)));
+    /// Result of `of` for colours or textures, texel by texel. `None` if two are textures with different coordinates.
+    pub fn combined<const N: usize>(
+        &mut self,
+        paints: [Paint; N],
+        of: impl Fn([Rgb; N]) -> Rgb,
+    ) -> Option<Paint> {
+        let factors = paints.map(|paint| paint.factor);
+        let mut maps = paints.iter().filter_map(|paint| paint.map);
+        let Some(map) = maps.next() else {
+            return Some(Paint::plain(of(factors)));
         };
-        if let (Some(a), Some(b)) = (a.map, b.map)
-            && (a.transform, a.second) != (b.transform, b.second)
-        {
+        if maps.any(|other| (other.transform, other.second) != (map.transform, map.second)) {
             return None;
         }
         let source = |paint: Paint| Some(self.parts.textures[paint.map?.texture as usize].clone());
-        let (first, second) = (source(a), source(b));
-        let both = || [&first, &second].into_iter().flatten();
-        let side = |of: fn(&Texture) -> u32| both().map(of).max().unwrap_or(1).min(MOST);
-        let at = |texture: &Option<Texture>, paint: Paint, uv: Vec2| {
-            texture.as_ref().map_or(paint.factor, |texture| {
+        let sources = paints.map(source);
+        let all = || sources.iter().flatten();
+        let side = |of: fn(&Texture) -> u32| all().map(of).max().unwrap_or(1).min(MOST);
+        let at = |i: usize, uv: Vec2| match &sources[i] {
+            Some(texture) => {
                 let [r, g, b, _] = texture.sample(uv);
-                paint.factor * Rgb::new(r, g, b)
-            })
+                factors[i] * Rgb::new(r, g, b)
+            }
+            None => factors[i],
         };
         // Sixteen bits hold values up to 1.
-        let most = (of(a.factor, b.factor).max(a.factor).max(b.factor)).max_element();
-        let most = most.max(1.0);
+        let most = factors.iter().fold(of(factors), |most, f| most.max(*f));
+        let most = most.max_element().max(1.0);
         let texture = self.baked([side(|t| t.width), side(|t| t.height)], 3, |uv| {
-            let colour = of(at(&first, a, uv), at(&second, b, uv));
+            let colour = of(std::array::from_fn(|i| at(i, uv)));
             (colour / most).extend(1.0).to_array()
         });
-        let like = both().next().cloned().unwrap_or_default();
+        let like = all().next().cloned().unwrap_or_default();
         let texture = Texture {
             wrap: like.wrap,
             nearest: like.nearest,

@@ -153,6 +153,9 @@ pub fn revolved(curve: impl Fn(f32) -> Vec3, phi: f32) -> Mesh {
 /// Sides of a tube.
 const SIDES: u32 = 6;
 
+/// Bytes that a point of a tube needs.
+pub(crate) const TUBE_BYTES: u64 = (SIDES as u64 + 1) * 32 + 2 * SIDES as u64 * 12;
+
 /// A tube around points, each with its radius, without ends; u along it, v around.
 pub fn tube(points: &[(Vec3, f32)]) -> Mesh {
     let direction = |i: usize| {

@@ -71,6 +71,15 @@ impl Scene<'_> {
                 (self.context).transmit(&mut material, transmitted, place);
                 material
             }
+            "hair" => {
+                (self.context).nearest(place, "bsdf `hair`", "a glossy surface of its colour")?;
+                let melanin = |name: &str, or| bsdf.number(name, or).map(|x| x as f32);
+                let (dark, red) = (melanin("eumelanin", 1.3)?, melanin("pheomelanin", 0.0)?);
+                let own = looks::melanin(dark, red);
+                let absorption = self.colour(bsdf, &["sigma_a"], own, Meant::Reflected)?;
+                let rough = melanin("azimuthal_roughness", 0.3)?;
+                looks::hair(looks::colour_of_hair(absorption, rough))
+            }
             "phong" | "ward" => self.lobe(bsdf)?,
             "coating" | "roughcoating" => return self.coating(bsdf),
             "null" => looks::nothing(),

@@ -3,6 +3,7 @@
 use super::super::{Meant, film_side};
 use super::Scene;
 use super::xml::{Object, Value};
+use crate::build::looks::Paint;
 use crate::build::sky;
 use glam::{DAffine3, DVec3};
 use opsr::math::{Frame, Rgb, UVec2, Vec2, Vec3};
@@ -10,6 +11,7 @@ use opsr::scene::camera::Projection;
 use opsr::scene::light::Falloff;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
+use std::f32::consts::PI;
 
 /// Irradiance of Mitsuba's sun across its beam at a scale of 1, at a turbidity of 3 and a sun 40° high (`skies_by_mitsuba.py`).
 const SUN: Rgb = Rgb::new(1.446, 1.175, 0.845);
@@ -35,6 +37,10 @@ impl Scene<'_> {
             "spot" => {
                 let spot = self.spot(emitter, pose.translation, axis()?)?;
                 self.context.parts().lights.push(spot);
+            }
+            "projector" => {
+                let projector = self.projector(emitter, pose.translation, axis()?)?;
+                self.context.parts().lights.push(projector);
             }
             "directional" | "distant" => {
                 let irradiance = self.colour(
@@ -130,6 +136,37 @@ impl Scene<'_> {
             range: f32::INFINITY,
             cos_inner: beam.to_radians().cos() as f32,
             cos_outer: cutoff.to_radians().cos() as f32,
+            falloff: Falloff::Linear,
+        })
+    }
+
+    /// A projector as a spot of its mean and of its picture's area: on a plane before it, each has π times `irradiance`.
+    fn projector(
+        &mut self,
+        emitter: &Object,
+        position: DVec3,
+        direction: DVec3,
+    ) -> Result<PunctualLight> {
+        let shown = "a spot light of its mean";
+        (self.context).nearest(&emitter.place, "the image of `projector`", shown)?;
+        let white = Paint::plain(Rgb::ONE);
+        let paint = self.paint_of(emitter, &["irradiance"], white, Meant::Emitted)?;
+        let builder = &self.context.builder;
+        let aspect = paint.map.map_or(1.0, |map| {
+            let image = &builder.parts.textures[map.texture as usize];
+            image.width as f32 / image.height as f32
+        });
+        let scale = PI * emitter.number("scale", 1.0)? as f32;
+        let intensity = builder.mean(paint) * scale;
+        let half_y = self.fov(emitter, aspect)?;
+        let cos = (1.0 + 4.0 / PI * aspect * half_y * half_y).sqrt().recip();
+        Ok(PunctualLight::Spot {
+            position: position.as_vec3(),
+            direction: direction.as_vec3(),
+            intensity,
+            range: f32::INFINITY,
+            cos_inner: cos,
+            cos_outer: cos,
             falloff: Falloff::Linear,
         })
     }

@@ -3,11 +3,24 @@
 use super::super::Meant;
 use super::super::media::Named;
 use super::Scene;
-use super::xml::Object;
+use super::xml::{Object, numbers};
 use opsr::math::Rgb;
 use opsr::scene::Medium;
-use opsr::scene::load::error::Result;
+use opsr::scene::load::error::{Result, fault};
 use std::rc::Rc;
+
+/// The mean cosine of values at even steps of the cosine from −1 to 1, linear between them.
+fn mean_of_table(values: &[f64]) -> Option<f64> {
+    let step = 2.0 / values.len().checked_sub(1).filter(|n| *n > 0)? as f64;
+    let (mut sum, mut all) = (0.0, 0.0);
+    for (k, pair) in values.windows(2).enumerate() {
+        let (low, mean) = (k as f64 * step - 1.0, 0.5 * (pair[0] + pair[1]));
+        all += step * mean;
+        sum += step * ((low + 0.5 * step) * mean + step * (pair[1] - pair[0]) / 12.0);
+    }
+    let good = all > 0.0 && all.is_finite() && values.iter().all(|v| *v >= 0.0);
+    good.then_some(sum / all)
+}
 
 impl Scene<'_> {
     /// Media inside and outside of a shape, or around a sensor.
@@ -34,6 +47,40 @@ impl Scene<'_> {
         };
         self.media.insert(address, named);
         Ok(named)
+    }
+
+    /// The mean cosine of a phase function, by which it is shown.
+    fn mean_cosine(&mut self, phase: &Rc<Object>) -> Result<f64> {
+        let shown = "Henyey's and Greenstein's of its mean cosine";
+        let what = format!("phase function `{}`", phase.plugin);
+        match phase.plugin.as_str() {
+            "isotropic" => Ok(0.0),
+            "hg" => phase.number("g", 0.8),
+            "rayleigh" | "sggx" => {
+                (self.context).nearest(&phase.place, what, "the isotropic one")?;
+                Ok(0.0)
+            }
+            "tabphase" => {
+                (self.context).nearest(&phase.place, what, shown)?;
+                let values = phase.text("values")?.and_then(numbers).unwrap_or_default();
+                mean_of_table(&values).ok_or_else(|| fault(&phase.place, "is no phase function"))
+            }
+            "blendphase" => {
+                (self.context).nearest(&phase.place, what, shown)?;
+                let share = self.numbers(phase, "weight", 0.5)?;
+                let share = f64::from(self.context.builder.mean(share).x.clamp(0.0, 1.0));
+                let parts = self.children(phase, &["phase"])?;
+                let [(_, first), (_, second)] = parts.as_slice() else {
+                    return Err(fault(&phase.place, "has not two phase functions"));
+                };
+                let mut of = |part| self.within(phase, |scene| scene.mean_cosine(part));
+                Ok((1.0 - share) * of(first)? + share * of(second)?)
+            }
+            _ => {
+                self.context.left_out(&phase.place, what)?;
+                Ok(0.0)
+            }
+        }
     }
 
     fn read_medium(&mut self, object: &Object) -> Result<Option<Medium>> {
@@ -66,18 +113,7 @@ impl Scene<'_> {
         }
         let mut mean_cosine = 0.0;
         for (_, phase) in self.children(object, &["phase"])? {
-            match phase.plugin.as_str() {
-                "isotropic" => {}
-                "rayleigh" => {
-                    let shown = "the isotropic one";
-                    (self.context).nearest(&phase.place, "Rayleigh's phase function", shown)?;
-                }
-                "hg" => mean_cosine = phase.number("g", 0.8)? as f32,
-                other => {
-                    let what = format!("phase function `{other}`");
-                    self.context.left_out(&phase.place, what)?;
-                }
-            }
+            mean_cosine = self.mean_cosine(&phase)? as f32;
         }
         Ok(Some(Medium {
             absorption,

@@ -1,6 +1,6 @@
 //! Shapes of Mitsuba.
 
-use super::super::{Look, Meant, Member, obj, ply, serialized};
+use super::super::{Look, Meant, Member, curves, obj, ply, serialized};
 use super::Scene;
 use super::xml::Object;
 use crate::build::looks::{self, Paint};
@@ -163,11 +163,29 @@ impl Scene<'_> {
                 (self.analytic("cylinder", flipped, make), pose * own)
             }
             "obj" | "ply" | "serialized" => (self.file(shape, &pose, flipped)?, pose),
+            "bsplinecurve" | "linearcurve" | "hair" => {
+                (self.curves(shape, &pose)?, DAffine3::IDENTITY)
+            }
             other => {
                 self.context.left_out(place, format!("shape `{other}`"))?;
                 return Ok(None);
             }
         }))
+    }
+
+    /// Curves as tubes, of which a pose moves the points alone.
+    fn curves(&mut self, shape: &Object, pose: &DAffine3) -> Result<u32> {
+        let place = &shape.place;
+        let plugin = shape.plugin.as_str();
+        let name = shape.text("filename")?;
+        let name = name.ok_or_else(|| fault(place, "has no filename"))?;
+        (self.context).approximate(place, &format!("`{plugin}` is shown as tubes"));
+        let radius = shape.number("radius", 0.025)? as f32;
+        let choice = format!("{plugin} {radius} {pose:?}");
+        let to_world = |p: Vec3| pose.transform_point3(p.as_dvec3()).as_vec3();
+        (self.context).file_mesh(name, &choice, place, |bytes, at| {
+            curves::read(bytes, plugin, radius, to_world, at)
+        })
     }
 
     fn file(&mut self, shape: &Object, pose: &DAffine3, flipped: bool) -> Result<u32> {

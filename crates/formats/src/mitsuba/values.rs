@@ -215,6 +215,10 @@ impl Scene<'_> {
                 }
                 Ok(Paint::from(texture.number("scale", 1.0)? as f32))
             }
+            "vertexcolors" => {
+                self.painted = true;
+                Ok(Paint::from(1.0))
+            }
             "uniform" => Ok(Paint::from(texture.number("value", 1.0)? as f32)),
             "srgb" | "rgb" | "constvolume" => Ok(Paint::plain(self.colour(
                 texture,
@@ -276,21 +280,26 @@ impl Scene<'_> {
         let place = &texture.place;
         let name = texture.text("filename")?;
         let name = name.ok_or_else(|| fault(place, "a bitmap without a filename"))?;
-        let wrap = match texture.text("wrap_mode")?.unwrap_or("repeat") {
-            "repeat" => Wrap::Repeat,
-            "mirror" => Wrap::Mirror,
-            "clamp" => Wrap::Clamp,
-            other => {
-                self.context
-                    .nearest(place, format!("wrap mode `{other}`"), "`clamp`")?;
-                Wrap::Clamp
-            }
-        };
+        let both = texture.text("wrap_mode")?.unwrap_or("repeat");
+        let mut wrap = [Wrap::Repeat; 2];
+        // Mitsuba 0.6 has modes of either axis.
+        for (axis, name) in ["wrap_mode_u", "wrap_mode_v"].into_iter().enumerate() {
+            wrap[axis] = match texture.text(name)?.unwrap_or(both) {
+                "repeat" => Wrap::Repeat,
+                "mirror" => Wrap::Mirror,
+                "clamp" => Wrap::Clamp,
+                other => {
+                    self.context
+                        .nearest(place, format!("wrap mode `{other}`"), "`clamp`")?;
+                    Wrap::Clamp
+                }
+            };
+        }
         let gamma = texture.number("gamma", 0.0)?;
         let raw = texture.flag("raw", gamma == 1.0)?;
         let how = Use {
             srgb: if raw { Some(false) } else { None },
-            wrap: [wrap; 2],
+            wrap,
             nearest: texture.text("filter_type")? == Some("nearest"),
             invert: false,
             transform: uv_transform(texture)?,

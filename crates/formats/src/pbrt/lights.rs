@@ -223,6 +223,10 @@ impl Scene<'_> {
             return Ok(());
         };
         let place = &parameters.place;
+        let diagonal = match &self.film {
+            Some(film) => film.number("diagonal", 35.0)?,
+            None => 35.0,
+        };
         let film = self.film_size()?;
         let pose = affine(&matrix, place)?;
         let own = f64::from(film.size.x) / f64::from(film.size.y);
@@ -248,6 +252,7 @@ impl Scene<'_> {
             self.context
                 .nearest(place, "pixels that are not square", "square ones")?;
         }
+        let mut realistic = None;
         let projection = match kind.as_str() {
             "perspective" => {
                 // Version 3 may give half of it.
@@ -265,10 +270,24 @@ impl Scene<'_> {
                 let half_height = (half_y * pose.matrix3.y_axis.length()) as f32;
                 Projection::Orthographic { half_height }
             }
+            "realistic" => {
+                realistic = Some(self.realistic(&parameters)?);
+                let [focal, _] = realistic.unwrap_or_default();
+                Projection::Perspective {
+                    tan_half_y: (0.5 * diagonal / focal / own.hypot(1.0)) as f32,
+                }
+            }
             other => return self.context.left_out(place, format!("camera `{other}`")),
         };
-        let radius = parameters.number("lensradius", 0.0)? as f32;
-        let focus = parameters.number("focaldistance", 1e6)? as f32;
+        let [radius, focus] = match realistic {
+            None => [
+                parameters.number("lensradius", 0.0)?,
+                parameters.number("focaldistance", 1e6)?,
+            ],
+            // Millimetres are thousandths of a unit.
+            Some([_, radius]) => [1e-3 * radius, parameters.number("focusdistance", 10.0)?],
+        };
+        let (radius, focus) = (radius as f32, focus as f32);
         let m = pose.matrix3;
         let axis = |v: DVec3| {
             v.try_normalize()
@@ -294,6 +313,43 @@ impl Scene<'_> {
             film: Some(film),
         });
         Ok(())
+    }
+
+    /// Focal length and radius of the entrance pupil of a lens in millimetres, by a ray close to its axis `[PBRT4 §5.4]`.
+    fn realistic(&mut self, parameters: &Parameters) -> Result<[f64; 2]> {
+        let place = &parameters.place;
+        let shown = "a perspective one of its focal length";
+        (self.context).nearest(place, "camera `realistic`", shown)?;
+        let name = parameters.text("lensfile")?;
+        let name = name.ok_or_else(|| fault(place, "has no lensfile"))?;
+        let bad = || fault(place, format!("{name}: no lens of rows of four numbers"));
+        let (_, bytes) = self.context.files.open(name, place)?;
+        let text = String::from_utf8_lossy(&bytes);
+        let words = (text.lines()).flat_map(|line| {
+            let line = line.split('#').next().unwrap_or_default();
+            line.split_whitespace()
+        });
+        let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok()).collect();
+        let numbers = numbers.filter(|n| n.len() % 4 == 0).ok_or_else(bad)?;
+        let (mut height, mut slope, mut index, mut pupil) = (1.0, 0.0, 1.0, f64::INFINITY);
+        for row in numbers.chunks_exact(4) {
+            let [curvature, thickness, eta, aperture] = [row[0], row[1], row[2], row[3]];
+            if curvature == 0.0 {
+                // The stop, of which a file may open less.
+                let open = parameters.number("aperturediameter", 1.0)?.min(aperture);
+                pupil = (0.5 * open / height).abs();
+            } else {
+                let next = if eta == 0.0 { 1.0 } else { eta };
+                slope = (index * slope - height * (next - index) / curvature) / next;
+                index = next;
+            }
+            height += thickness * slope;
+        }
+        let focal = -1.0 / slope;
+        match focal > 0.0 && focal.is_finite() && pupil.is_finite() {
+            true => Ok([focal, pupil]),
+            false => Err(bad()),
+        }
     }
 
     fn film_size(&mut self) -> Result<FilmSize> {

@@ -136,6 +136,14 @@ impl Scene<'_> {
                 (self.context).transmit(&mut material, transmitted, place);
                 material
             }
+            "hair" => {
+                (self.context).nearest(
+                    place,
+                    "material `hair`",
+                    "a glossy surface of its colour",
+                )?;
+                looks::hair(self.hair(parameters)?)
+            }
             "mix" => self.mixture(parameters, depth)?,
             "interface" | "" | "none" => looks::nothing(),
             other => match self.older(other, parameters)? {
@@ -147,6 +155,25 @@ impl Scene<'_> {
                 }
             },
         })
+    }
+
+    /// The colour of hair: given, or by what it absorbs.
+    fn hair(&mut self, parameters: &Parameters) -> Result<Rgb> {
+        for name in ["reflectance", "color"] {
+            if parameters.get(name).is_some() {
+                return self.colour(parameters, name, Rgb::ONE, Meant::Reflected);
+            }
+        }
+        let mut of = |name: &str, or: f32| -> Result<Rgb> {
+            self.colour(parameters, name, Rgb::splat(or), Meant::Reflected)
+        };
+        let red = of("pheomelanin", 0.0)?.x;
+        let dark = of("eumelanin", if red > 0.0 { 0.0 } else { 1.3 })?.x;
+        let absorption = match parameters.get("sigma_a") {
+            Some(_) => of("sigma_a", 0.0)?,
+            None => looks::melanin(dark, red),
+        };
+        Ok(looks::colour_of_hair(absorption, of("beta_n", 0.3)?.x))
     }
 
     /// Refuses parameters that a layer may not have.

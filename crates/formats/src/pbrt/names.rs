@@ -5,7 +5,7 @@ use super::super::names::{ALL, Names, row};
 /// Parameters by directive and kind.
 #[rustfmt::skip]
 pub(in super::super) const NAMES: &[Names] = &[
-    row("Shape", ALL, "alpha", "", ""),
+    row("Shape", ALL, "alpha", "discarddegenerateUVs", "shadowalpha"),
     row("Shape", "sphere", "radius zmin zmax phimax", "", ""),
     row("Shape", "disk", "radius height innerradius phimax", "", ""),
     row("Shape", "cylinder", "radius zmin zmax phimax", "", ""),
@@ -14,7 +14,8 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("Shape", "hyperboloid", "p1 p2 phimax", "", ""),
     row("Shape", "curve", "P degree basis width width0 width1", "type splitdepth", "N"),
     row("Shape", "trianglemesh", "P N uv st indices", "faceIndices", "S"),
-    row("Shape", "bilinearmesh", "P N uv indices emissionfilename", "faceIndices", ""),
+    row("Shape", "bilinearmesh", "P N uv indices", "faceIndices emissionfilename", ""),
+    row("Shape", "heightfield", "nu nv Pz", "", ""),
     row("Shape", "plymesh", "filename displacement", "displacement.edgelength edgelength", ""),
     row("Shape", "loopsubdiv", "P indices levels nlevels", "scheme", ""),
     row("Material", ALL, "displacement bumpmap normalmap", "type", ""),
@@ -50,6 +51,7 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("Texture", "checkerboard", "dimension tex1 tex2 mapping uscale vscale udelta vdelta v1 v2", "aamode", ""),
     row("Texture", "bilerp", "v00 v01 v10 v11 mapping uscale vscale udelta vdelta v1 v2", "", ""),
     row("Texture", "directionmix", "tex1 tex2", "dir", ""),
+    row("Texture", "dots", "inside outside", "mapping uscale vscale udelta vdelta v1 v2", ""),
     row("Texture", "scale", "tex scale tex1 tex2", "", ""),
     row("Texture", "mix", "tex1 tex2 amount", "", ""),
     row("LightSource", "point", "I scale power from", "", ""),
@@ -60,10 +62,11 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("LightSource", "infinite", "L filename mapname scale illuminance portal", "samples nsamples", ""),
     row("AreaLightSource", "diffuse area", "L filename scale power twosided", "samples nsamples", ""),
     row("Camera", "perspective", "fov halffov frameaspectratio screenwindow lensradius focaldistance shutteropen shutterclose", "", ""),
+    row("Camera", "realistic", "lensfile aperturediameter focusdistance screenwindow frameaspectratio shutteropen shutterclose", "", "aperture"),
     row("Camera", "orthographic", "frameaspectratio screenwindow lensradius focaldistance shutteropen shutterclose", "", ""),
     row("Film", "rgb gbuffer spectral image",
-        "xresolution yresolution cropwindow pixelbounds iso exposuretime sensor whitebalance maxcomponentvalue",
-        "filename diagonal savefp16 coordinatesystem lambdamin lambdamax nbuckets buckets", "maxsampleluminance scale"),
+        "xresolution yresolution cropwindow pixelbounds diagonal iso exposuretime sensor whitebalance maxcomponentvalue",
+        "filename savefp16 coordinatesystem lambdamin lambdamax nbuckets buckets", "maxsampleluminance scale"),
     row("Option", "Option", "forcediffuse", "disablepixeljitter disablewavelengthjitter disabletexturefiltering displacementedgescale \
         msereferenceimage msereferenceout pixelstats rendercoordsys seed wavefront", ""),
     row("MakeNamedMedium", "homogeneous", "type preset Le sigma_a sigma_s g scale", "Lescale", ""),

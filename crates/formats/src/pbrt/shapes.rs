@@ -1,13 +1,13 @@
 //! Shapes of pbrt.
 
 use super::super::images::Use;
-use super::super::{Look, Meant, ply};
+use super::super::{Look, Meant, curves, ply};
 use super::tokens::Parameters;
 use super::{Declared, Scene, lights};
 use crate::build::looks::{self, Paint};
 use crate::build::{Placed, face_normals_outwards, flip, shapes, subdivision};
 use glam::{DAffine3, DVec3};
-use opsr::math::{Rgb, Vec2, Vec3, luminance};
+use opsr::math::{Rgb, Vec2, Vec3, Vec4, luminance};
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::material::AlphaMode;
 use opsr::scene::mesh::Mesh;
@@ -138,12 +138,8 @@ impl Scene<'_> {
                 shapes::tube(&curve(parameters)?)
             }
             "trianglemesh" => triangles(parameters)?,
-            "bilinearmesh" => {
-                if parameters.get("emissionfilename").is_some() {
-                    self.context.left_out(place, "`emissionfilename`")?;
-                }
-                patches(parameters)?
-            }
+            "heightfield" => heightfield(parameters)?,
+            "bilinearmesh" => patches(parameters)?,
             "loopsubdiv" => self.subdivided(parameters)?,
             other => {
                 self.context.left_out(place, format!("shape `{other}`"))?;
@@ -153,7 +149,11 @@ impl Scene<'_> {
         if mesh.positions.iter().any(|p| !p.is_finite()) {
             return Err(fault(place, "a point that is not finite"));
         }
-        if kind == "bilinearmesh" || kind == "trianglemesh" || kind == "loopsubdiv" {
+        if kind == "bilinearmesh"
+            || kind == "trianglemesh"
+            || kind == "heightfield"
+            || kind == "loopsubdiv"
+        {
             turned(&mut mesh, reversed);
         } else if reversed {
             flip(&mut mesh);
@@ -383,11 +383,7 @@ fn triangles(parameters: &Parameters) -> Result<Mesh> {
     })
 }
 
-/// Least and most pieces of a span of a curve, and the radians that a piece bends.
-const PIECES: [f32; 2] = [2.0, 24.0];
-const BEND: f32 = 0.15;
-
-/// Points of a curve with half of its width `[PBRT4 §6.7]`.
+/// Points of a curve with half of its width.
 fn curve(parameters: &Parameters) -> Result<Vec<(Vec3, f32)>> {
     let place = &parameters.place;
     let points = vectors(parameters, "P")?;
@@ -397,64 +393,38 @@ fn curve(parameters: &Parameters) -> Result<Vec<(Vec3, f32)>> {
         other => return Err(fault(place, format!("a curve of degree {other}"))),
     };
     let basis = parameters.text("basis")?.unwrap_or("bezier");
-    // Points from one span to the next.
-    let step = match basis {
-        "bezier" => degree,
-        "bspline" => 1,
-        other => return Err(fault(place, format!("a curve of basis `{other}`"))),
-    };
-    if points.len() <= degree || (points.len() - degree - 1) % step != 0 {
-        return Err(fault(
-            place,
-            format!("{} points of a curve of degree {degree}", points.len()),
-        ));
+    if !["bezier", "bspline"].contains(&basis) {
+        return Err(fault(place, format!("a curve of basis `{basis}`")));
     }
-    let spans = (points.len() - degree - 1) / step + 1;
     let width = parameters.number("width", 1.0)?;
-    let ends = (
-        parameters.number("width0", width)?,
-        parameters.number("width1", width)?,
-    );
-    let mut out = Vec::new();
-    let at = |span: usize, t: f32| {
-        let mut p = [Vec3::ZERO; 4];
-        p[..=degree].copy_from_slice(&points[span * step..=span * step + degree]);
-        let weights: [f32; 4] = match (basis, degree) {
-            ("bezier", 2) => [(1.0 - t).powi(2), 2.0 * t * (1.0 - t), t * t, 0.0],
-            ("bezier", _) => {
-                let s = 1.0 - t;
-                [s.powi(3), 3.0 * t * s * s, 3.0 * t * t * s, t.powi(3)]
-            }
-            (_, 2) => [
-                0.5 * (1.0 - t).powi(2),
-                0.5 + t * (1.0 - t),
-                0.5 * t * t,
-                0.0,
-            ],
-            _ => {
-                let s = 1.0 - t;
-                let middle = |x: f32| (3.0 * x.powi(3) - 6.0 * x * x + 4.0) / 6.0;
-                [s.powi(3) / 6.0, middle(t), middle(s), t.powi(3) / 6.0]
-            }
-        };
-        let place: Vec3 = p.iter().zip(weights).map(|(p, w)| *p * w).sum();
-        let share = (span as f64 + f64::from(t)) / spans as f64;
-        (place, 0.5 * (ends.0 + (ends.1 - ends.0) * share) as f32)
-    };
-    for span in 0..spans {
-        let control = &points[span * step..=span * step + degree];
-        let bends = control.windows(3).map(|w| {
-            let (a, b) = (w[1] - w[0], w[2] - w[1]);
-            let angle = a.angle_between(b);
-            if angle.is_finite() { angle } else { 0.0 }
-        });
-        let pieces = (bends.sum::<f32>() / BEND)
-            .ceil()
-            .clamp(PIECES[0], PIECES[1]) as usize;
-        out.extend((0..pieces).map(|i| at(span, i as f32 / pieces as f32)));
+    let from = parameters.number("width0", width)? as f32;
+    let to = parameters.number("width1", width)? as f32;
+    let control: Vec<Vec4> = points.iter().map(|p| p.extend(0.0)).collect();
+    let places = curves::spline(&control, basis, degree).ok_or_else(|| {
+        let what = format!("{} points of a curve of degree {degree}", points.len());
+        fault(place, what)
+    })?;
+    let half = |share: f32| 0.5 * (from + (to - from) * share);
+    Ok((places.iter().map(|(p, share)| (p.truncate(), half(*share)))).collect())
+}
+
+/// Heights over [0, 1]², row by row along y, of version 3.
+fn heightfield(parameters: &Parameters) -> Result<Mesh> {
+    let place = &parameters.place;
+    let heights = parameters.numbers("Pz")?.unwrap_or_default();
+    let side = |name: &str| parameters.number(name, 0.0).map(|n| n as usize);
+    let (columns, rows) = (side("nu")?, side("nv")?);
+    if columns < 2 || rows < 2 || columns.checked_mul(rows) != Some(heights.len()) {
+        let what = format!("{} heights for {columns} times {rows}", heights.len());
+        return Err(fault(place, what));
     }
-    out.push(at(spans - 1, 1.0));
-    Ok(out)
+    let mut mesh = shapes::grid(columns as u32 - 1, rows as u32 - 1, |uv| {
+        let at = uv * Vec2::new(columns as f32 - 1.0, rows as f32 - 1.0);
+        let (x, y) = (at.x.round() as usize, at.y.round() as usize);
+        (uv.extend(heights[y * columns + x] as f32), Vec3::Z)
+    });
+    mesh.normals.clear();
+    Ok(mesh)
 }
 
 fn patches(parameters: &Parameters) -> Result<Mesh> {

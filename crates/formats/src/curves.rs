@@ -1,0 +1,137 @@
+//! Curves, as tubes of triangles: splines of control points, and files of hair.
+
+use crate::build::shapes;
+use opsr::math::{Vec3, Vec4};
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::mesh::Mesh;
+
+/// Least and most pieces of a span of a curve, and the radians that a piece bends.
+const PIECES: [f32; 2] = [2.0, 24.0];
+const BEND: f32 = 0.15;
+
+/// Places on a spline of control points, with the way along it from 0 to 1; `basis` is `bezier` or `bspline`, of degree 2 or 3. `None` for a
+/// number of points that makes no spline `[PBRT4 §6.7]`.
+pub(super) fn spline(points: &[Vec4], basis: &str, degree: usize) -> Option<Vec<(Vec4, f32)>> {
+    // Points from one span to the next.
+    let step = if basis == "bezier" { degree } else { 1 };
+    let further = points.len().checked_sub(degree + 1)?;
+    if further % step != 0 {
+        return None;
+    }
+    let spans = further / step + 1;
+    let mut out = Vec::new();
+    let at = |span: usize, t: f32| {
+        let mut p = [Vec4::ZERO; 4];
+        p[..=degree].copy_from_slice(&points[span * step..=span * step + degree]);
+        let s = 1.0 - t;
+        let middle = |x: f32| (3.0 * x.powi(3) - 6.0 * x * x + 4.0) / 6.0;
+        let weights: [f32; 4] = match (basis, degree) {
+            ("bezier", 2) => [s.powi(2), 2.0 * t * s, t * t, 0.0],
+            ("bezier", _) => [s.powi(3), 3.0 * t * s * s, 3.0 * t * t * s, t.powi(3)],
+            (_, 2) => [0.5 * s.powi(2), 0.5 + t * s, 0.5 * t * t, 0.0],
+            _ => [s.powi(3) / 6.0, middle(t), middle(s), t.powi(3) / 6.0],
+        };
+        let place: Vec4 = p.iter().zip(weights).map(|(p, w)| *p * w).sum();
+        let share = (span as f64 + f64::from(t)) / spans as f64;
+        (place, share as f32)
+    };
+    for span in 0..spans {
+        let control = &points[span * step..=span * step + degree];
+        let bends = control.windows(3).map(|w| {
+            let (a, b) = (w[1] - w[0], w[2] - w[1]);
+            let angle = a.truncate().angle_between(b.truncate());
+            if angle.is_finite() { angle } else { 0.0 }
+        });
+        let pieces = (bends.sum::<f32>() / BEND)
+            .ceil()
+            .clamp(PIECES[0], PIECES[1]) as usize;
+        out.extend((0..pieces).map(|i| at(span, i as f32 / pieces as f32)));
+    }
+    out.push(at(spans - 1, 1.0));
+    Some(out)
+}
+
+/// Tubes around the curves of a file of Mitsuba: lines of a place and a radius, a blank one after each curve. `plugin` is its shape; `hair`
+/// has one `radius` for all, and may be binary. Places are moved by `to_world`, radii are not scaled.
+pub(super) fn read(
+    bytes: &[u8],
+    plugin: &str,
+    radius: f32,
+    to_world: impl Fn(Vec3) -> Vec3,
+    place: &str,
+) -> Result<Mesh> {
+    let curves = match bytes.strip_prefix(b"BINARY_HAIR") {
+        Some(rest) => binary(rest, radius),
+        None => lines(bytes, radius, place)?,
+    };
+    let points: usize = curves.iter().map(Vec::len).sum();
+    let bytes = shapes::TUBE_BYTES * points as u64;
+    opsr::memory::check(format!("{place}: {points} points of curves"), bytes)?;
+    let mut mesh = Mesh::default();
+    for (k, mut curve) in curves.into_iter().enumerate() {
+        for p in &mut curve {
+            *p = to_world(p.truncate()).extend(p.w);
+        }
+        let along = match plugin {
+            "bsplinecurve" => spline(&curve, "bspline", 3),
+            _ => (curve.len() > 1).then(|| curve.iter().map(|p| (*p, 0.0)).collect()),
+        };
+        let along = along.ok_or_else(|| {
+            let what = format!("curve {k} has {} points", curve.len());
+            fault(place, what)
+        })?;
+        let tube: Vec<(Vec3, f32)> = along.iter().map(|(p, _)| (p.truncate(), p.w)).collect();
+        if tube.iter().any(|(p, r)| !p.is_finite() || !r.is_finite()) {
+            return Err(fault(place, format!("curve {k} is not finite")));
+        }
+        shapes::append(&mut mesh, &shapes::tube(&tube));
+    }
+    Ok(mesh)
+}
+
+fn lines(bytes: &[u8], radius: f32, place: &str) -> Result<Vec<Vec<Vec4>>> {
+    let mut curves = vec![Vec::new()];
+    for (n, line) in String::from_utf8_lossy(bytes).lines().enumerate() {
+        let numbers: Option<Vec<f32>> = line.split_whitespace().map(|w| w.parse().ok()).collect();
+        match numbers.as_deref() {
+            Some([]) => curves.push(Vec::new()),
+            Some(&[x, y, z]) => curves
+                .last_mut()
+                .unwrap_or(&mut Vec::new())
+                .push(Vec4::new(x, y, z, radius)),
+            Some(&[x, y, z, r]) => curves
+                .last_mut()
+                .unwrap_or(&mut Vec::new())
+                .push(Vec4::new(x, y, z, r)),
+            _ => {
+                return Err(fault(
+                    format!("{place}: line {}", n + 1),
+                    "is no point of a curve",
+                ));
+            }
+        }
+    }
+    curves.retain(|curve| !curve.is_empty());
+    Ok(curves)
+}
+
+/// Hair of Mitsuba 0.6: a count, and numbers of three each; an infinite one begins a strand.
+fn binary(bytes: &[u8], radius: f32) -> Vec<Vec<Vec4>> {
+    let mut numbers =
+        (bytes.chunks_exact(4).skip(1)).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let mut curves = vec![Vec::new()];
+    while let Some(mut x) = numbers.next() {
+        if x.is_infinite() {
+            curves.push(Vec::new());
+            x = numbers.next().unwrap_or(f32::NAN);
+        }
+        let (Some(y), Some(z)) = (numbers.next(), numbers.next()) else {
+            break;
+        };
+        if let Some(curve) = curves.last_mut() {
+            curve.push(Vec4::new(x, y, z, radius));
+        }
+    }
+    curves.retain(|curve: &Vec<Vec4>| !curve.is_empty());
+    curves
+}
