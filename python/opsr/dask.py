@@ -421,7 +421,8 @@ def render(
 def animate(client, scene, frames, output, *, fps=24, load=None, retries=3, on_frame=None, **options):
     """Renders frames of an animation on a cluster, one task for each, into the files of `opsr.render` and `Film.save`.
 
-    A method that is not named is the one that `opsr.choose` names for the first frame.
+    A method that is not named is the one that `opsr.choose` names for the first frame. Frame N has the seed `seed` + N, so that
+    `opsr film` averages their noise.
 
     scene: path or address of the scene, for the workers to read, as of `render`.
     frames: numbers of the frames, from 0 at the start of the animations.
@@ -446,7 +447,8 @@ def animate(client, scene, frames, output, *, fps=24, load=None, retries=3, on_f
         _claim(folder, {**_work(client, scene, first, options), "load": load, "fps": fps, "method": method})
         options.update(method)
     todo = [frame for frame, address in addresses.items() if not _exists(address)]
-    jobs = [((scene, {**load, "at": f"{frame}@{fps}"}), options, addresses[frame]) for frame in todo]
+    seeded = lambda frame: {**options, "seed": ((options.get("seed") or 0) + frame) % 2**64}
+    jobs = [((scene, {**load, "at": f"{frame}@{fps}"}), seeded(frame), addresses[frame]) for frame in todo]
     for number, _, _ in _results(client, _frame, jobs, retries):
         if on_frame is not None:
             on_frame(todo[number], addresses[todo[number]])

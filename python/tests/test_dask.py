@@ -187,10 +187,24 @@ def test_frames_are_those_of_one_process(client, moving, tmp_path):
     frames = [pathlib.Path(addresses[frame]).read_bytes() for frame in range(5)]
     # The method of all frames is that of the first.
     method = opsr.choose(opsr.Scene.load(moving, at="0@4"), **settings)
-    singles = (opsr.render(opsr.Scene.load(moving, at=f"{frame}@4"), **settings, **method) for frame in range(5))
+    singles = (opsr.render(opsr.Scene.load(moving, at=f"{frame}@4"), seed=frame, **settings, **method) for frame in range(5))
     assert frames == [saved(film, tmp_path / "one.exr") for film in singles]
     with pytest.raises(ValueError, match="output: no place"):
         opsr.dask.animate(client, moving, range(5), "film.exr", **settings)
+
+
+def test_averaged_frames_are_those_of_one_film(client, moving, program, tmp_path):
+    import opsr.dask
+
+    settings = {"size": (32, 24), "spp": 8, "seed": 3, "integrator": "path"}
+    opsr.dask.animate(client, moving, range(2, 8), str(tmp_path / "frames" / "{:04}.exr"), fps=12, **settings)
+    film = [program, "film", moving, tmp_path / "frames" / "####.exr", "--reproducible", "-o", tmp_path / "many_####.exr"]
+    subprocess.run(film, check=True, capture_output=True)
+    words = ["--size", "32x24", "--spp", "8", "--seed", "3", "--integrator", "path", "--reproducible", "--frames", "2..7@12"]
+    single = [program, "render", moving, *words, "-o", tmp_path / "one_####.exr"]
+    subprocess.run(single, check=True, capture_output=True)
+    files = {name: [file.read_bytes() for file in sorted(tmp_path.glob(f"{name}_*.exr"))] for name in ("many", "one")}
+    assert len(files["one"]) == 6 and files["many"] == files["one"]
 
 
 def test_estimate_is_near(client):
