@@ -3,6 +3,7 @@
 import importlib
 import math
 import pathlib
+import subprocess
 import sys
 import time
 import types
@@ -232,6 +233,46 @@ def test_errors_are_the_first_line_of_the_program(scene, monkeypatch):
     monkeypatch.setenv("OPSR", "/none/opsr")
     with pytest.raises(RuntimeError, match="/none/opsr: no such program"):
         bpy.ops.render.render()
+
+
+def test_motion_of_a_film_is_the_vector_pass(program, tmp_path):
+    # A camera that travels and turns, and a box that moves otherwise.
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_plane_add(size=20)
+    bpy.ops.mesh.primitive_cube_add(size=0.6)
+    box = bpy.context.object
+    bpy.ops.object.camera_add(location=(0, -3, 3), rotation=(math.radians(45), 0, 0))
+    scene.camera = bpy.context.object
+    for frame, side in ((0, -1), (4, 1)):
+        box.location = (-0.3 * side, 0, 0.4 + 0.1 * side)
+        scene.camera.location.x, scene.camera.rotation_euler.z = 0.2 * side, -0.05 * side
+        for moving, path in ((box, "location"), (scene.camera, "location"), (scene.camera, "rotation_euler")):
+            moving.keyframe_insert(path, frame=frame)
+    for moving in (box, scene.camera):
+        for curve in moving.animation_data.action.fcurves:
+            for key in curve.keyframe_points:
+                key.interpolation = "LINEAR"
+    render, size = scene.render, (64, 48)
+    render.fps, scene.frame_start, scene.frame_end = 24, 0, 4
+    render.resolution_x, render.resolution_y, render.resolution_percentage = *size, 100
+    render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 1, False
+    # Blender's only sample is near the centre of its pixel then.
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", 0.01
+    scene.view_layers[0].use_pass_vector = True
+    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR_MULTILAYER", "32"
+    render.image_settings.exr_codec, render.filepath = "ZIP", str(tmp_path / "theirs.exr")
+    scene.frame_set(2)
+    bpy.ops.render.render(write_still=True)
+    theirs = exr.layer(exr.read(tmp_path / "theirs.exr"), "ViewLayer.Vector", "XYZW")
+    bpy.ops.export_scene.gltf(filepath=str(tmp_path / "scene.glb"), export_cameras=True, export_frame_range=False)
+    words = ["--size", "{}x{}".format(*size), "--spp", "1", "--integrator", "path", "--frames", "1..3", "--aov", "motion"]
+    words = [program, "render", tmp_path / "scene.glb", *words, "-o", tmp_path / "ours_#.exr"]
+    subprocess.run(words, check=True, capture_output=True)
+    ours = exr.layer(exr.read(tmp_path / "ours_2.exr"), "motion", "XYZW")
+    # Their way to the next frame points back from it. At edges of the box the rays of a pixel meet another surface.
+    difference = np.abs(theirs * [1, 1, -1, -1] - ours).max(-1)
+    assert np.ptp(ours[..., 0]) > 2 and (difference < 1e-3).mean() > 0.98, np.sort(difference.ravel())[-80:]
 
 
 def test_viewports_show_what_f12_shows(scene, tmp_path):
