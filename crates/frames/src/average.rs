@@ -108,7 +108,7 @@ fn mean(picture: &Buffer) -> f32 {
 }
 
 /// Variance of every pixel of a frame, mean of the channels, in units of the picture.
-pub(crate) fn variance(frame: &Frame) -> Vec<f32> {
+fn variance(frame: &Frame) -> Vec<f32> {
     let dark = DARK * mean(&frame.picture);
     let brightness = Plane {
         width: frame.picture.width,
@@ -159,9 +159,35 @@ impl Sums {
     }
 }
 
+/// A frame among others, with the variances of its pixels in place of its squared errors.
+pub(crate) struct Held {
+    pub(crate) frame: Frame,
+    variance: Vec<f32>,
+    /// True of a picture that was chosen among levels and blurs: some of its error is bias.
+    biased: bool,
+}
+
+impl Held {
+    pub(crate) fn new(mut frame: Frame) -> Self {
+        let (variance, squares) = (variance(&frame), std::mem::take(&mut frame.squares));
+        Self {
+            frame,
+            variance,
+            biased: !squares.is_empty(),
+        }
+    }
+
+    /// Leaves what only the average of the frame itself needs.
+    pub(crate) fn forget_own(&mut self) {
+        (self.frame.error, self.frame.layers) = Default::default();
+    }
+}
+
 /// The sums of every window at a pixel of frame `f`.
-fn windows(frames: &[(&Frame, &[f32])], f: usize, pixel: usize) -> [Sums; WINDOWS.len()] {
-    let (frame, variance) = frames[f];
+fn windows(frames: &[&Held], f: usize, pixel: usize) -> [Sums; WINDOWS.len()] {
+    let Held {
+        frame, variance, ..
+    } = frames[f];
     let mut sums = Sums::default();
     sums.add(&Reprojected {
         light: frame.picture.pixels[pixel],
@@ -176,11 +202,11 @@ fn windows(frames: &[(&Frame, &[f32])], f: usize, pixel: usize) -> [Sums; WINDOW
                 true => frames.get(f + steps),
                 false => f.checked_sub(steps).and_then(|g| frames.get(g)),
             };
-            let (Some((from, _)), Some((to, variance))) = (at(steps), at(steps + 1)) else {
+            let (Some(from), Some(to)) = (at(steps), at(steps + 1)) else {
                 continue;
             };
-            reprojection.step(from, steps, *forward);
-            if let Some(seen) = reprojection.light(to, variance) {
+            reprojection.step(&from.frame, steps, *forward);
+            if let Some(seen) = reprojection.light(&to.frame, &to.variance) {
                 sums.add(&seen);
             }
         }
@@ -194,17 +220,17 @@ fn windows(frames: &[(&Frame, &[f32])], f: usize, pixel: usize) -> [Sums; WINDOW
 }
 
 /// Motion to the last frame or to the next one; 0 where there is none.
-fn motion(frames: &[(&Frame, &[f32])], f: usize, forward: bool) -> Vec<Vec2> {
-    let frame = frames[f].0;
+fn motion(frames: &[&Held], f: usize, forward: bool) -> Vec<Vec2> {
+    let frame = &frames[f].frame;
     let other = match forward {
         true => frames.get(f + 1),
         false => f.checked_sub(1).and_then(|g| frames.get(g)),
     };
     let way = |pixel| match other {
-        Some((other, _)) => {
+        Some(other) => {
             let mut reprojection = Reprojection::new(frame, pixel);
             reprojection.step(frame, 0, forward);
-            reprojection.motion(other)
+            reprojection.motion(&other.frame)
         }
         None => Vec2::ZERO,
     };
@@ -216,13 +242,13 @@ fn motion(frames: &[(&Frame, &[f32])], f: usize, forward: bool) -> Vec<Vec2> {
 const PAIRS: [(usize, usize); 6] = [(1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2)];
 
 /// The error map of the average, and its sum over that of the frame alone. The variance of every pixel has this ratio.
-fn reduced_error(frame: &Frame, ratio: impl Fn(usize) -> f32) -> (Vec<f32>, f64) {
+fn reduced_error(own: &Held, ratio: impl Fn(usize) -> f32) -> (Vec<f32>, f64) {
     let reduced = |(i, error): (usize, &f32)| {
-        error * error_of_less_noise(f64::from(ratio(i)), !frame.squares.is_empty()) as f32
+        error * error_of_less_noise(f64::from(ratio(i)), own.biased) as f32
     };
-    let error: Vec<f32> = frame.error.iter().enumerate().map(reduced).collect();
+    let error: Vec<f32> = own.frame.error.iter().enumerate().map(reduced).collect();
     let total = |errors: &[f32]| errors.iter().map(|&e| f64::from(e)).sum::<f64>();
-    let reduced = match total(&frame.error) {
+    let reduced = match total(&own.frame.error) {
         before if before > 0.0 && before.is_finite() => total(&error) / before,
         _ => 1.0,
     };
@@ -245,9 +271,9 @@ fn squared_bias(differences: Plane, noise: Plane, radius: usize) -> Plane {
     }
 }
 
-/// The average of the frame at place `f` among frames one after another, with the variances of their pixels.
-pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool) -> Averaged {
-    let frame = frames[f].0;
+/// The average of the frame at place `f` among frames one after another.
+pub(crate) fn average(frames: &[&Held], f: usize, wants_motion: bool) -> Averaged {
+    let frame = &frames[f].frame;
     let (width, count) = (frame.picture.width, frame.picture.pixels.len());
     let sums: Vec<[Sums; WINDOWS.len()]> = (0..count)
         .into_par_iter()
@@ -310,7 +336,7 @@ pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool)
         own if own > 0.0 => (squared_error(i, chosen[i]) / own).min(1.0),
         _ => 1.0,
     };
-    let (error, error_ratio) = reduced_error(frame, ratio);
+    let (error, error_ratio) = reduced_error(frames[f], ratio);
     Averaged {
         picture: Buffer {
             width,
