@@ -1,9 +1,10 @@
 //! Windows of a pixel, and the choice among them.
 //!
-//! With v_g the light of a surface in frame g, w_g the share of it that is seen there, and s_g the variance that the frame states, by
+//! With v_g the light of a surface in frame g, w_g the share of it that is seen there, and t_g the variance that the frame states, by
 //! its squared errors, or of raw means by its error map,
 //!
 //! ```text
+//! s_g  = ¾ t_g + ¼ Σ w_h t_h / Σ w_h                    over the frames h of the widest window
 //! W_r  = Σ w_g v_g / Σ w_g                              over the frames within r of this one; w = 1 for its own
 //! V_r  = tent(u Σ w_g² s_g / (Σ w_g)²)                  u = 1 / (I² + 0.01 mean²), I the widest average, smoothed
 //! b_r  = max over narrower j of tent(u ((W_r − W_j)² − variance of W_r − W_j)), at least 0
@@ -14,6 +15,9 @@
 //! and the picture is Σ tent(1[r* = r]) W_r, so that windows of neighbouring pixels have no edge between them. tent is a box of three
 //! pixels a side, applied twice; region a box of half the shorter side, applied twice. A lamp that dims changes every pixel by less
 //! than its noise, and all of them alike.
+//!
+//! A bright sample that one frame has met has a large t there alone: that frame would take a wide window, and its neighbours would take
+//! windows without it, so that its light was lost. The mean over the frames is the same for all of them.
 
 use crate::frame::{Averaged, Frame};
 use crate::reproject::{Reprojected, Reprojection};
@@ -30,6 +34,9 @@ pub(crate) const WIDEST: usize = WINDOWS[WINDOWS.len() - 1];
 
 /// Variance of a frame over the square of the error that it states. Measured in docs/lab/films.md.
 const NOISE: f32 = 3.0;
+
+/// Share of the mean over the frames in the variance of each. Measured there too.
+const COMMON: f32 = 0.25;
 
 /// Largest relative error: that of a frame that knows none.
 const UNKNOWN: f32 = 2.0;
@@ -133,6 +140,10 @@ fn variance(frame: &Frame) -> Vec<f32> {
 struct Sums {
     light: Vec3,
     weight: f32,
+    /// Sum of weights times variances.
+    stated: f32,
+    /// Sum of squared weights.
+    squares: f32,
     /// Sum of squared weights times variances.
     noise: f32,
 }
@@ -141,6 +152,8 @@ impl Sums {
     fn add(&mut self, seen: &Reprojected) {
         self.light += seen.weight * seen.light;
         self.weight += seen.weight;
+        self.stated += seen.weight * seen.variance;
+        self.squares += seen.weight * seen.weight;
         self.noise += seen.weight * seen.weight * seen.variance;
     }
 
@@ -215,6 +228,11 @@ fn windows(frames: &[&Held], f: usize, pixel: usize) -> [Sums; WINDOWS.len()] {
                 *own = sums;
             }
         }
+    }
+    // The last sums are those of the widest window.
+    let common = sums.stated / sums.weight;
+    for own in &mut all {
+        own.noise += COMMON * (common * own.squares - own.noise);
     }
     all
 }
