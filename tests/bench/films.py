@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """Films: frames averaged along their surfaces beside the same frames alone, against references.
 
-    films.py OPSR OUT [--spp N] [--frames N] [--size WxH] [--references N] [--only FILM]
+    films.py OPSR OUT [--spp N] [--frames N] [--every N] [--size WxH] [--references N] [--only FILM] [--method METHOD]
 
 Frames that lie in OUT already are averaged again, so that a changed program can be compared. The last column of ratios is relMSE without
 the worst 0.1 % of the pixels.
 
 Writes the animated scenes, the frames and `films.json` below OUT and prints a table: for each film and method the mean over three
-frames in its middle of MAPE, relMSE, FLIP and energy, and the flicker between them. OPSR is the program; its Python package, numpy and
+frames in its middle of MAPE, relMSE, FLIP and energy, and the flicker between them. With `--every N` the first two of every N frames
+are measured in their place. OPSR is the program; its Python package, numpy and
 OpenEXR must be installed. References are `vcm` with raw means.
 
 Flicker is the mean squared relative change of the error from one frame to the next along the surfaces that stand still, without the
@@ -38,14 +39,14 @@ class Glb:
         start = 20 + length
         self.binary = bytearray(data[start + 8 : start + 8 + struct.unpack_from("<I", data, start)[0]])
 
-    def numbers(self, values, kind):
-        """Adds an accessor of floats and gives its number."""
-        values = np.asarray(values, np.float32).reshape(-1, {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[kind])
+    def numbers(self, values, kind, dtype=np.float32):
+        """Adds an accessor and gives its number."""
+        values = np.asarray(values, dtype).reshape(-1, {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[kind])
         self.binary += b"\0" * (-len(self.binary) % 4)
         views = self.json["bufferViews"]
         views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": values.nbytes})
         self.binary += values.tobytes()
-        accessor = {"bufferView": len(views) - 1, "componentType": 5126, "count": len(values), "type": kind}
+        accessor = {"bufferView": len(views) - 1, "componentType": {4: 5126, 1: 5121, 2: 5123}[values.itemsize], "count": len(values), "type": kind}
         accessor |= {"min": values.min(0).tolist(), "max": values.max(0).tolist()}
         self.json["accessors"].append(accessor)
         return len(self.json["accessors"]) - 1
@@ -121,6 +122,44 @@ def waves(glb, times, mesh, height):
     glb.animate(node, "weights", times, np.sin(0.3 * np.arange(len(times))), "SCALAR")
 
 
+def bend(glb, times):
+    """A figure of two joints bends, and the copper ring of the box follows its upper one."""
+    x, z, sides = -0.42, 0.42, 32
+    heights = np.linspace(0, 1.1, 45)
+    # Feet, a waist, a chest and a head.
+    radii = np.interp(heights, [0, 0.03, 0.4, 0.65, 0.8, 0.87, 0.97, 1.07, 1.1], [0.14, 0.14, 0.08, 0.13, 0.1, 0.05, 0.1, 0.07, 0.01])
+    angles = 2 * np.pi * np.arange(sides) / sides
+    slopes = np.gradient(radii, heights)
+    ring = lambda r, y: np.stack([x + r * np.cos(angles), np.full(sides, y), z + r * np.sin(angles)], 1)
+    points = np.concatenate([ring(r, y) for r, y in zip(radii, heights)])
+    normals = np.concatenate([np.stack([np.cos(angles), np.full(sides, -s), np.sin(angles)], 1) / np.hypot(1, s) for s in slopes])
+    k, s = np.mgrid[0 : len(heights) - 1, 0:sides]
+    a, b = k * sides + s, k * sides + (s + 1) % sides
+    faces = np.stack([a, a + sides, b, b, a + sides, b + sides], -1)
+    upper = np.clip((points[:, 1] - 0.3) / 0.3, 0, 1)
+    upper = upper * upper * (3 - 2 * upper)
+    attributes = {"POSITION": glb.numbers(points, "VEC3"), "NORMAL": glb.numbers(normals, "VEC3")}
+    attributes["JOINTS_0"] = glb.numbers(np.tile([0, 1, 0, 0], (len(points), 1)), "VEC4", np.uint8)
+    attributes["WEIGHTS_0"] = glb.numbers(np.stack([1 - upper, upper, 0 * upper, 0 * upper], 1), "VEC4")
+    nodes, roots, meshes = (glb.json[key] for key in ("nodes", "scenes", "meshes"))
+    roots = roots[0]["nodes"]
+    copper = next(i for i, n in enumerate(nodes) if n.get("mesh") == 7)
+    white = meshes[0]["primitives"][0]["material"]
+    meshes.append({"primitives": [{"attributes": attributes, "indices": glb.numbers(faces, "SCALAR", np.uint16), "material": white}]})
+    joint = len(nodes)
+    nodes += [{"translation": [x, 0, z], "children": [joint + 1]}, {"translation": [0, 0.45, 0], "children": [copper]}]
+    nodes.append({"mesh": len(meshes) - 1, "skin": 0})
+    nodes[copper]["translation"] = [-x, 0.1, -z]
+    roots.remove(copper)
+    roots += [joint, joint + 2]
+    binds = [np.eye(4), np.eye(4)]
+    for bind, y in zip(binds, (0, 0.45)):
+        bind[3, :3] = -x, -y, -z
+    glb.json["skins"] = [{"joints": [joint, joint + 1], "inverseBindMatrices": glb.numbers(binds, "MAT4")}]
+    half = np.radians(12) * np.sin(0.2 * np.arange(len(times))) / 2
+    glb.animate(joint + 1, "rotation", times, np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], 1), "VEC4")
+
+
 FILMS = {
     "turning camera": ("figurines", lambda glb, times: turn(glb, times, 0.6, 3.0)),
     "travelling camera": ("swimming_pool", lambda glb, times: travel(glb, times, (-0.02, 0.0, -0.01))),
@@ -134,6 +173,7 @@ FILMS |= {
     "rings, one rises": ("rings", lambda glb, times: slide(glb, times, 8, (0.0, 0.012, 0.0))),
     "bulb, travelling": ("bulb_lamp", lambda glb, times: travel(glb, times, (0.015, 0.01, 0.0))),
 }
+FILMS |= {"skinned figure": ("cornell_caustics", bend)}
 METHODS = {"no option": [], "levels": ["--opsr-table", "beta-0.001"]}
 
 
@@ -172,12 +212,12 @@ def flicker(errors, references, places):
     return np.sort(change)[: int(0.999 * len(change))].mean()
 
 
-def measure(pictures, references, places):
+def measure(numbers, pictures, references, places):
     rows = [opsr.compare(np.float32(a), np.float32(b)) for a, b in zip(pictures, references)]
     mean = {k: float(np.mean([r[k] for r in rows])) for k in ("MAPE", "relMSE", "relMSE trimmed", "FLIP", "energy ratio", "mean relative error")}
     worst = max(r["FLIP"] for r in rows)
     errors = [a - b for a, b in zip(pictures, references)]
-    pairs = range(len(pictures) - 1)
+    pairs = [i for i in range(len(pictures) - 1) if numbers[i + 1] == numbers[i] + 1]
     mean["flicker"] = float(np.mean([flicker(errors[i : i + 2], references[i : i + 2], places[i : i + 2]) for i in pairs]))
     return mean | {"FLIP of frames": [r["FLIP"] for r in rows], "worst FLIP": worst}
 
@@ -191,10 +231,14 @@ def main():
     parser.add_argument("--size", default="128x96")
     parser.add_argument("--references", type=int, default=300)
     parser.add_argument("--only", action="append", choices=list(FILMS))
+    parser.add_argument("--method", action="append", choices=list(METHODS))
+    parser.add_argument("--every", type=int)
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     results = {}
     middle = [args.frames // 2 + k for k in (-1, 0, 1)]
+    if args.every:
+        middle = [k for k in range(args.frames) if k % args.every < 2]
     for film in args.only or FILMS:
         scene, move = FILMS[film]
         key = film.replace(", ", "_").replace(" ", "_")
@@ -211,7 +255,8 @@ def main():
                 run(args.opsr, "render", path, *size, *how, "--at", f"{k}@24", "--aov", "position", "-o", out)
             truth.append(read(out))
         references, places = [t[0] for t in truth], [t[1] for t in truth]
-        for method, options in METHODS.items():
+        for method in args.method or METHODS:
+            options = METHODS[method]
             folder = args.out / f"{key}_{method.replace(' ', '_')}_{args.spp}"
             folder.mkdir(exist_ok=True)
             if not (folder / "alone" / f"{args.frames - 1:06}.exr").exists():
@@ -219,8 +264,8 @@ def main():
                 run(args.opsr, "render", path, *size, *options, *frames, "-o", folder / "####.exr")
             # Frames of an earlier run are averaged by this program.
             run(args.opsr, "film", path, folder / "alone" / "######.exr", "-o", folder / "####.exr")
-            alone = measure([read(folder / "alone" / f"{k:06}.exr")[0] for k in middle], references, places)
-            averaged = measure([read(folder / f"{k:04}.exr")[0] for k in middle], references, places)
+            alone = measure(middle, [read(folder / "alone" / f"{k:06}.exr")[0] for k in middle], references, places)
+            averaged = measure(middle, [read(folder / f"{k:04}.exr")[0] for k in middle], references, places)
             window = np.mean([read(folder / f"{k:04}.exr")[2]["window"] for k in middle])
             stated = lambda file: float(json.loads(OpenEXR.File(str(file)).header()["opsr"])["mean_relative_error"])
             alone["stated"] = float(np.mean([stated(folder / "alone" / f"{k:06}.exr") for k in middle]))
