@@ -1,5 +1,7 @@
 //! The viewer by its protocol: who is answered, what is refused, what stalls nothing, and that its picture is that of a render.
 
+mod film;
+
 use opsr::image::exr;
 use opsr::math::{Rgb, Vec3};
 use opsr::render::look::CameraChoice;
@@ -208,7 +210,7 @@ fn view_refuses_whoever_may_not_ask() {
         assert!(page.head.contains(header), "{}", page.head);
     }
     // The page loads nothing from elsewhere.
-    for file in ["", "page.css", "page.js", "camera.js"] {
+    for file in ["", "page.css", "page.js", "camera.js", "film.js"] {
         let text = viewer
             .get(file)
             .text()

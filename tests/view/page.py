@@ -302,6 +302,87 @@ def moving(folder):
     return file
 
 
+# Columns of a picture that show the square, in the mean.
+MIDDLE = """() => {
+    const { width, height } = canvases[0], data = canvases[0].getContext("2d").getImageData(0, 0, width, height).data;
+    let [sum, all] = [0, 0];
+    for (let i = 0; i < width * height; i++) {
+        const red = Math.max(0, data[4 * i] - data[4 * i + 1]);
+        [sum, all] = [sum + (red * ((i % width) + 0.5)) / width, all + red];
+    }
+    return sum / all;
+}"""
+
+
+def runs(page, opsr, folder):
+    """The animations run from the moment on, at the pace of the file once all frames are there, and stop at the one that is shown."""
+    page.locator("#stage").focus()
+    page.keyboard.press("t")
+    page.wait_for_function("() => stage.dataset.frame !== undefined && state.phase === 'playing'", timeout=20_000)
+    assert page.locator("#play").get_attribute("aria-pressed") == "true"
+    page.wait_for_function("() => Object.keys(reel.stills).length === facts.frames", timeout=60_000)
+    assert page.evaluate("facts.frames") == 48
+    page.wait_for_timeout(200)
+    page.evaluate(
+        """() => {
+            window.shown = [];
+            const middle = %s;
+            new MutationObserver(() => onStage && window.shown.push([performance.now() / 1000, onStage.frame, middle()]))
+                .observe(stage, { attributes: true, attributeFilter: ["data-frame"] });
+        }"""
+        % MIDDLE
+    )
+    page.wait_for_timeout(3_000)
+    shown = page.evaluate("window.shown")
+    times, frames, middles = zip(*[(t, f, m) for t, f, m in shown if t < shown[0][0] + 2])
+    assert len(set(frames)) > 30, f"{len(set(frames))} of 48 frames in a round of two seconds"
+    assert len({f for _, f, _ in shown}) > 40
+    # A frame is that of the clock.
+    off = [((f - frames[0]) - 24 * (t - times[0]) + 24) % 48 - 24 for t, f in zip(times, frames)]
+    assert max(map(abs, off)) < 3, f"{off}"
+    # At the end it leaves the picture.
+    order = [m for f, m in sorted(zip(frames, middles)) if f < 36]
+    assert order[-1] - order[0] > 0.2 and min(b - a for a, b in zip(order, order[1:])) > -0.02, f"the square is at {order}"
+    # Better frames take the place of the first, and the command is that of the frame.
+    page.wait_for_function("() => reel.stills.some((still) => still.round > 1)", timeout=60_000)
+    frame, command = page.evaluate("[onStage.frame, document.getElementById('command').textContent]")
+    assert f"--at {frame}@24 " in " ".join(shlex.split(command)), f"{frame}: {command}"
+    # What the pointer meets is not known of frames that run.
+    page.mouse.click(200, 200)
+    assert page.evaluate("marked") is None
+    # Exposure shows all frames anew.
+    change = page.evaluate("reel.change")
+    page.evaluate("set({ options: { exposure: 2 } })")
+    page.wait_for_function("change => reel.change >= change + facts.frames", arg=change, timeout=20_000)
+    page.evaluate("set({ options: { exposure: null } })")
+    # A turn of the camera makes new frames, and the animations run on.
+    film = page.evaluate("reel.film")
+    page.locator("#stage").focus()
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_function("film => reel.film !== film", arg=film, timeout=20_000)
+    assert page.evaluate("Boolean(playing) && state.playing")
+    another(page, lambda: page.keyboard.press("t"))
+    assert page.locator("#play").get_attribute("aria-pressed") == "false" and page.evaluate("onStage === null")
+    at = page.evaluate("state.options.at")
+    page.wait_for_timeout(300)
+    assert re.fullmatch(r"[0-9]+@24", at) and page.evaluate("state.options.at") == at, f"{at}: it plays on"
+    words = shlex.split(page.evaluate("document.getElementById('command').textContent"))
+    again = folder / "moment.png"
+    subprocess.run([opsr, *words[1:], "--spp", str(SPP), "-o", again], check=True, capture_output=True)
+    assert words[words.index("--at") + 1] == at
+    assert (numpy.asarray(Image.open(again).convert("RGB")) == picture(page)).all(), "the command makes another picture"
+    another(page, lambda: page.keyboard.press("h"))
+    # A saved file is that of the frame at rest.
+    page.locator("#play").click()
+    page.wait_for_function("() => onStage !== null", timeout=20_000)
+    with page.expect_download() as download:
+        page.locator("#save-png").click()
+    assert page.evaluate("playing") is None
+    done(page)
+    saved = numpy.asarray(Image.open(download.value.path()).convert("RGB"))
+    assert saved.shape == picture(page).shape
+
+
 def played(browser, opsr, folder):
     """A file with an animation and variants: its time line, play, and the choice."""
     command = [opsr, "view", moving(folder), "--no-open", "--size", "80x60", "--spp", str(SPP)]
@@ -313,23 +394,23 @@ def played(browser, opsr, folder):
         done(page)
         rest = picture(page)
         assert page.locator("#time").is_visible() and page.locator("#seconds").inner_text() == "at rest"
-        another(page, lambda: page.locator("#moment").fill("1"))
-        assert page.evaluate("state.options.at") == "1s"
+        another(page, lambda: page.locator("#moment").fill("24"))
+        assert page.evaluate("state.options.at") == "24@24"
+        assert page.get_attribute("#moment", "aria-valuetext") == page.locator("#seconds").inner_text() == "1.00 of 2.00 s"
         moved = picture(page)
         assert numpy.abs(moved.astype(int) - rest).mean() > 3, "the square does not move"
         red = lambda pixels: float((pixels[..., 0].astype(int) - pixels[..., 1]).sum())
         another(page, lambda: page.select_option("#variant", "green"))
         assert red(moved) > 0 > red(picture(page)), "the variant changes no colour"
         another(page, lambda: page.select_option("#variant", ""))
-        page.evaluate("window.moments = new Set(); setInterval(() => window.moments.add(state.options.at), 20)")
-        page.locator("#play").click()
-        page.wait_for_function("() => window.moments.size > 5", timeout=20_000)
-        page.locator("#play").click()
-        page.wait_for_timeout(500)
-        still = page.evaluate("state.options.at")
-        page.wait_for_timeout(500)
-        assert page.evaluate("state.options.at") == still, "it plays on"
+        # The slider goes frame by frame.
+        another(page, lambda: page.locator("#moment").press("ArrowRight"))
+        assert page.evaluate("state.options.at") == "25@24"
+        runs(page, opsr, folder)
         another(page, lambda: page.locator("#rest").click())
+        # The camera of a file without one frames what is there at its moment.
+        page.locator("#stage").focus()
+        another(page, lambda: page.keyboard.press("h"))
         assert (picture(page) == rest).all(), "rest is another picture"
         page.close()
     finally:

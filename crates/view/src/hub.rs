@@ -1,5 +1,6 @@
 //! State that the threads of a viewer share: the newest of everything, and nothing that grows.
 
+use super::film::Film;
 use super::finish::Maps;
 use super::open_scene::{OpenScene, Viewpoint};
 use super::options::Options;
@@ -90,6 +91,8 @@ pub(super) struct State {
     pub(super) frame_number: u64,
     pub(super) words_number: u64,
     pub(super) open_scene: Option<Arc<OpenScene>>,
+    /// Frames of the animations, since they were played first.
+    pub(super) film: Option<Film>,
     pub(super) shown: Option<Arc<Snapshot>>,
     pub(super) other: Option<Arc<Snapshot>>,
     pub(super) frame: Option<Arc<Frame>>,
@@ -129,6 +132,7 @@ impl Hub {
                 frame_number: 0,
                 words_number: 1,
                 open_scene: None,
+                film: None,
                 shown: None,
                 other: None,
                 frame: None,
@@ -193,6 +197,11 @@ impl Hub {
             if next.render_key() != state.options.render_key() {
                 self.disturbed.store(true, Ordering::Relaxed);
             }
+            if next.display_key() != state.options.display_key()
+                && let Some(film) = &mut state.film
+            {
+                film.repaint();
+            }
             state.options = next;
             state.options_number += 1;
             state.words_number += 1;
@@ -238,7 +247,9 @@ impl Hub {
     pub(super) fn keep(&self) -> Option<Outcome<'static>> {
         let (send, receive) = std::sync::mpsc::sync_channel(1);
         let room = self.change(|state| {
-            let room = state.saves.len() < MAX_SAVES && state.run > 0 && state.phase != "stopped";
+            let none =
+                state.run == 0 || state.phase == "stopped" || state.options.playing.is_some();
+            let room = state.saves.len() < MAX_SAVES && !none;
             if room {
                 state.saves.push(send);
             }
@@ -273,6 +284,9 @@ impl State {
                 },
             },
             "paused": options.paused,
+            "scene": self.open_scene.as_ref().map(|_| options.file.path.display().to_string()),
+            "film": self.film.as_ref().map(|film| film.json(options.playing)),
+            "playing": options.playing.is_some(),
             "integrator": self.integrator,
             "notes": notes,
             "missing": self.missing,

@@ -10,7 +10,11 @@
 //! | `work` | the thread that renders |
 //! | `finish` | the thread that makes pictures of films |
 //! | `likeness` | FLIP of some pixels, while a picture changes |
+//! | `young` | pictures of few pixels before the first of the whole frame |
+//! | `film` | frames of animations, kept |
+//! | `play` | frames of animations that run, in rounds |
 //! | `paint` | the thread that makes pixels of pictures |
+//! | `scene_file` | the file of the scene |
 //! | `open_scene` | values, surfaces and paths under the pointer |
 //! | `save` | files |
 //! | `page` | the page, by hand and whole |
@@ -20,6 +24,7 @@
 //! stalls holds up nothing but itself.
 
 mod connections;
+mod film;
 mod finish;
 mod http;
 mod hub;
@@ -27,7 +32,9 @@ mod likeness;
 mod open_scene;
 mod options;
 mod paint;
+mod play;
 mod save;
+mod scene_file;
 mod serve;
 mod work;
 mod young;
@@ -38,10 +45,11 @@ use opsr::files::hex;
 use opsr::image::exr;
 use opsr::render::{Fault, Spec};
 use options::Options;
+use scene_file::SceneFile;
 use serve::Server;
 use std::collections::HashMap;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -52,7 +60,6 @@ use young::Young;
 pub struct Viewer {
     listener: TcpListener,
     server: Arc<Server>,
-    file: PathBuf,
 }
 
 impl Viewer {
@@ -70,7 +77,8 @@ impl Viewer {
             return Err(Fault::option("crop", "a viewer shows the whole frame"));
         }
         let reference = reference.map(exr::read_rgb).transpose()?;
-        let options = Options::new(spec, reference.is_some())?;
+        let named = Arc::new(SceneFile::named(file));
+        let options = Options::new(spec, named, reference.is_some())?;
         let hub = Arc::new(Hub::new(options, reference));
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port));
         let failed = |e: std::io::Error| Fault::Output(format!("port {port}: {e}"));
@@ -79,22 +87,14 @@ impl Viewer {
         let mut token = [0; 16];
         getrandom::fill(&mut token)
             .map_err(|e| Fault::Output(format!("no random numbers: {e}")))?;
-        let name = file
-            .file_stem()
-            .map(|name| name.to_string_lossy().into_owned());
         let server = Arc::new(Server {
             hub,
             token: hex(&token),
             port,
-            title: name.unwrap_or_default(),
             pool: one_thread()?,
             waiting: AtomicUsize::new(0),
         });
-        Ok(Self {
-            listener,
-            server,
-            file: file.to_owned(),
-        })
+        Ok(Self { listener, server })
     }
 
     /// The address of the page. Who knows it can see the scene and change what is shown.
@@ -105,15 +105,11 @@ impl Viewer {
 
     /// Renders and answers until `stop` is set.
     pub fn run(self, stop: &AtomicBool) -> Result<(), Fault> {
-        let Self {
-            listener,
-            server,
-            file,
-        } = self;
+        let Self { listener, server } = self;
         let (finishing, painting) = (one_thread()?, one_thread()?);
         let (hub, slot) = (server.hub.clone(), Arc::new(Slot::default()));
-        let port = server.port;
-        let serving = std::thread::spawn(move || server.listen(&listener));
+        let listening = server.clone();
+        let serving = std::thread::spawn(move || listening.listen(&listener));
         let shared = (hub.clone(), slot.clone());
         std::thread::spawn(move || finish::run(&shared.0, &shared.1, &finishing));
         let shared = hub.clone();
@@ -123,8 +119,6 @@ impl Viewer {
             let mut renderer = Renderer {
                 hub: &shared,
                 slot: &slot,
-                file: &file,
-                key: None,
                 young: Young::default(),
                 choices: HashMap::new(),
             };
@@ -136,7 +130,7 @@ impl Viewer {
         hub.end();
         // Wakes the server, which sees that the viewer has ended. The other threads end when they have done what they are at:
         // nobody waits for that.
-        drop(TcpStream::connect((Ipv4Addr::LOCALHOST, port)));
+        drop(TcpStream::connect((Ipv4Addr::LOCALHOST, server.port)));
         let _ = serving.join();
         Ok(())
     }

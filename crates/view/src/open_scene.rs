@@ -1,5 +1,6 @@
 //! A scene that is open, and what a camera sees of it: values under the pointer, first surfaces, paths.
 
+use super::options::Options;
 use glam::DAffine3;
 use opsr::image::Buffer;
 use opsr::image::film::Window;
@@ -7,8 +8,10 @@ use opsr::integrator::layers::Aov;
 use opsr::integrator::trace::{TracedPath, trace};
 use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3, luminance};
+use opsr::render::Fault;
 use opsr::render::open::Opened;
-use opsr::scene::{Camera, Hit, Mesh, Sensor, SharedMesh};
+use opsr::scene::{Camera, Hit, Mesh, Scene, Sensor, SharedMesh};
+use opsr_formats::FORMATS;
 use serde_json::{Value, json};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -19,6 +22,29 @@ const SHOWN: usize = 24;
 /// An open scene.
 pub(super) struct OpenScene {
     pub(super) opened: Opened,
+    /// Options that it was opened with.
+    pub(super) key: String,
+}
+
+impl OpenScene {
+    /// Opens the scene of the options.
+    pub(super) fn of(options: &Options) -> Result<Self, Fault> {
+        let file = &options.file;
+        let opened = (options.spec.open(&file.path, FORMATS, Scene::new))?;
+        if opened.scene.lights().is_empty() {
+            let what = "nothing lights the scene: {env} studio, {env} sky or a map would";
+            return Err(Fault::Input(format!("{}: {what}", file.name)));
+        }
+        Ok(Self {
+            opened,
+            key: options.scene_key(),
+        })
+    }
+
+    /// Seconds that its animations take.
+    pub(super) fn seconds(&self) -> f64 {
+        (self.opened.animations.iter()).fold(0.0, |last, animation| last.max(animation.seconds))
+    }
 }
 
 #[cfg(test)]
@@ -37,12 +63,23 @@ impl OpenScene {
                 in_studio: false,
                 lighting: None,
             },
+            key: String::new(),
         }
     }
 }
 
 /// Albedo, normal and depth of the first surfaces.
 pub(super) type First = Arc<[Buffer; 3]>;
+
+/// Settings of the path tracer of one level, by the rule of a render.
+pub(super) fn path_settings(render: &Settings) -> Settings {
+    Settings {
+        estimator: Estimator::Path { reuse: false },
+        amounts: Amounts::Raw,
+        strategy: None,
+        ..render.clone()
+    }
+}
 
 /// A scene, a camera, and the settings of the path tracer there.
 pub(super) struct Viewpoint {
@@ -64,17 +101,11 @@ impl Viewpoint {
         frame: UVec2,
         render: &Settings,
     ) -> Self {
-        let settings = Settings {
-            estimator: Estimator::Path { reuse: false },
-            amounts: Amounts::Raw,
-            strategy: None,
-            ..render.clone()
-        };
         Self {
             open_scene,
             camera,
             frame,
-            settings,
+            settings: path_settings(render),
             first: Mutex::default(),
         }
     }

@@ -1,11 +1,15 @@
 //! A request of a page: options by the names of a render, a look, an overlay, a comparison. Everything that a page sends is
 //! checked here, before a thread of the renderer uses it.
 
+use super::film::{self, Clock};
+use super::scene_file::SceneFile;
 use opsr::render::look::{CameraChoice, Look};
 use opsr::render::value::{Field, TableChoice, word};
 use opsr::render::{Fault, Names, Spec};
+use opsr::scene::Scene;
 use serde::Deserialize;
 use serde_json::{Map, Value};
+use std::sync::Arc;
 
 /// Options that a page can change. Files are read only if they were named at the start.
 pub(super) const CONTROLS: [&str; 18] = [
@@ -111,6 +115,8 @@ pub(super) struct Message {
     #[serde(deserialize_with = "there")]
     other: Option<Option<Other>>,
     paused: Option<bool>,
+    /// The animations run, or stop.
+    playing: Option<bool>,
 }
 
 /// A value that may be `null`, which is not the same as one that is not there.
@@ -123,6 +129,8 @@ fn there<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
 /// Requests of all pages.
 #[derive(Clone, Debug)]
 pub(super) struct Options {
+    /// The scene.
+    pub(super) file: Arc<SceneFile>,
     /// Options as they were asked for.
     asked: Map<String, Value>,
     /// Files that may be named.
@@ -135,16 +143,24 @@ pub(super) struct Options {
     pub(super) left_out: Vec<String>,
     /// The camera, once there is one.
     pub(super) look: Option<Look>,
+    /// True for a camera that is not the file's.
+    pub(super) moved: bool,
     pub(super) overlay: Overlay,
     pub(super) other: Option<Other>,
     pub(super) paused: bool,
+    /// Moment of the animations, while they run.
+    pub(super) playing: Option<Clock>,
     /// True if there is a reference.
     pub(super) has_reference: bool,
 }
 
 impl Options {
     /// The options of a start.
-    pub(super) fn new(spec: &Spec, has_reference: bool) -> Result<Self, Fault> {
+    pub(super) fn new(
+        spec: &Spec,
+        file: Arc<SceneFile>,
+        has_reference: bool,
+    ) -> Result<Self, Fault> {
         let mut spec = spec.clone();
         spec.check()?;
         spec.load_look()?;
@@ -156,15 +172,18 @@ impl Options {
         let asked = spec.settings();
         let known = ["env", "table"].map(|name| asked.get(name).cloned());
         Ok(Self {
+            file,
             asked,
             known,
             held: spec.table.clone(),
             spec,
             left_out: Vec::new(),
+            moved: look.is_some(),
             look,
             overlay: Overlay::Picture,
             other: None,
             paused: false,
+            playing: None,
             has_reference,
         })
     }
@@ -188,9 +207,10 @@ impl Options {
                 focus: self.look.and_then(|look| look.focus),
                 ..look
             });
+            next.moved = true;
         }
         if message.home || message.options.contains_key("camera") {
-            next.look = None;
+            (next.look, next.moved) = (None, false);
         }
         next.overlay = message.overlay.unwrap_or(next.overlay);
         if let Some(other) = message.other {
@@ -202,7 +222,23 @@ impl Options {
             next.other_spec()?;
         }
         next.paused = message.paused.unwrap_or(next.paused);
+        match message.playing {
+            Some(true) => next.playing = (next.playing).or(Some(Clock::at(next.seconds()))),
+            Some(false) => next.playing = None,
+            None => {}
+        }
         Ok(next)
+    }
+
+    /// The camera of all moments; `None` for one of the file, which may move with its animations.
+    pub(super) fn look_in(&self, scene: &Scene) -> Option<Look> {
+        let own = scene.parts().cameras.is_empty();
+        self.look.filter(|_| self.moved || own)
+    }
+
+    /// Seconds from the start of the animations.
+    fn seconds(&self) -> f64 {
+        self.spec.at.map_or(0.0, film::seconds)
     }
 
     /// Sets an option; `null` removes it.
@@ -272,7 +308,8 @@ impl Options {
     /// Text that two sets of options share only if they are renders of the same scene.
     pub(super) fn scene_key(&self) -> String {
         use opsr::render::Heading::{Light, Scene};
-        self.spec.words(&[Scene, Light])
+        let words = self.spec.words(&[Scene, Light]);
+        format!("{} {words}", self.file.path.display())
     }
 
     /// Text that two sets of options share only if they are the same render.
@@ -280,7 +317,23 @@ impl Options {
         let mut asked = self.spec.settings();
         asked.retain(|name, _| !OF_SHOWING.contains(&name.as_str()));
         let raw = self.spec.is_raw();
-        format!("{asked:?} {raw} {:?} {:?}", self.look, self.other)
+        let film = self.playing.as_ref().map(|_| self.film_key());
+        let (file, look, other) = (&self.file.path, self.look, &self.other);
+        format!("{file:?} {asked:?} {raw} {look:?} {other:?} {film:?}")
+    }
+
+    /// Text that two sets of options share only if they have the same film.
+    pub(super) fn film_key(&self) -> String {
+        let mut asked = self.spec.settings();
+        asked.retain(|name, _| !["exposure", "view", "at"].contains(&name.as_str()));
+        let look = self.look.filter(|_| self.moved);
+        format!("{:?} {asked:?} {look:?}", self.file.path)
+    }
+
+    /// Exposure and view, as text.
+    pub(super) fn display_key(&self) -> String {
+        let settings = self.spec.settings();
+        format!("{:?} {:?}", settings.get("exposure"), settings.get("view"))
     }
 }
 

@@ -86,7 +86,7 @@ fn display(spec: &Spec, picture: &Snapshot, held: &mut Option<f32>) -> Display {
 }
 
 /// A picture for a page.
-fn painted_picture(picture: &Buffer, display: Display) -> Painted {
+pub(super) fn painted_picture(picture: &Buffer, display: Display) -> Painted {
     let pixels = picture.pixels.iter();
     let bytes: Vec<u8> = pixels
         .flat_map(|&p| {

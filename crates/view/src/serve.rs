@@ -4,10 +4,12 @@
 //! server's, so that a name of another site that leads here gets nothing, and so must the origin, where a browser names one.
 
 use super::connections::{Connections, Place};
+use super::film::{self, Film};
 use super::http::{Answer, Connection, End, Request};
-use super::hub::{Frame, Hub};
+use super::hub::{Frame, Hub, State};
 use super::open_scene::Viewpoint;
 use super::options::{CONTROLS, Message, Overlay};
+use super::paint::painted_picture;
 use super::save;
 use opsr::image::denoise::Denoiser;
 use opsr::math::{UVec2, Vec3};
@@ -17,8 +19,8 @@ use opsr::render::{Fault, Names, OPTIONS};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::net::{TcpListener, TcpStream};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, MutexGuard};
 use std::time::Duration;
 
 /// Longest wait for something new, and most clients that may wait: a browser opens six connections to a server, and pages in
@@ -30,14 +32,13 @@ const PAGE: &str = include_str!("page/index.html");
 const STYLE: &str = include_str!("page/page.css");
 const SCRIPT: &str = include_str!("page/page.js");
 const CAMERA: &str = include_str!("page/camera.js");
+const FILM: &str = include_str!("page/film.js");
 
 /// State from which the server answers.
 pub(super) struct Server {
     pub(super) hub: Arc<Hub>,
     pub(super) token: String,
     pub(super) port: u16,
-    /// Name of the scene.
-    pub(super) title: String,
     /// Threads for what pages ask about pixels.
     pub(super) pool: rayon::ThreadPool,
     /// Clients that wait for something new.
@@ -134,8 +135,10 @@ impl Server {
             "page.css",
             "page.js",
             "camera.js",
+            "film.js",
             "facts",
             "poll",
+            "film",
             "pixel",
             "object",
             "paths",
@@ -166,8 +169,10 @@ impl Server {
             "page.css" => Answer::new(200, "text/css; charset=utf-8", STYLE),
             "page.js" => Answer::new(200, "text/javascript; charset=utf-8", SCRIPT),
             "camera.js" => Answer::new(200, "text/javascript; charset=utf-8", CAMERA),
+            "film.js" => Answer::new(200, "text/javascript; charset=utf-8", FILM),
             "facts" => Answer::json(200, &self.facts()),
             "poll" => self.poll(number("frame"), number("words")),
+            "film" => self.film(number("film"), number("change")),
             "pixel" => Answer::json(200, &self.pixel(self.asked_pixel(request)?)),
             "object" => {
                 let (viewpoint, pixel) = (self.viewpoint()?, self.asked_pixel(request)?);
@@ -333,9 +338,9 @@ impl Server {
         let variants = open_scene
             .as_ref()
             .map(|open_scene| &open_scene.opened.variants);
-        let seconds = (open_scene.iter())
-            .flat_map(|open_scene| &open_scene.opened.animations)
-            .fold(0.0, |last: f64, animation| last.max(animation.seconds));
+        let seconds = open_scene.as_ref().map_or(0.0, |open| open.seconds());
+        let (frames, rate) = film::pace(seconds);
+        let file = self.hub.lock().options.file.clone();
         let bounds = open_scene.as_ref().map(|open_scene| {
             let (low, high) = open_scene.opened.scene.bounds();
             [low.to_array(), high.to_array()]
@@ -355,13 +360,16 @@ impl Server {
             })
             .collect();
         json!({
-            "title": self.title,
+            "title": file.title(),
+            "scene": open_scene.as_ref().map(|_| file.path.display().to_string()),
             "version": env!("CARGO_PKG_VERSION"),
             "options": options,
             "overlays": Overlay::ALL.map(Overlay::name),
             "cameras": cameras,
             "variants": variants,
             "seconds": seconds,
+            "frames": frames,
+            "rate": rate,
             "bounds": bounds,
             "denoiser": Denoiser::open().is_ok(),
             "reference": self.hub.reference.is_some(),
@@ -370,12 +378,8 @@ impl Server {
 
     /// The newest frame and words, once one of them is newer than what the client has.
     fn poll(&self, frame: u64, words: u64) -> Answer {
-        let crowded = self.waiting.fetch_add(1, Ordering::SeqCst) >= MAX_WAITING;
-        let most = if crowded { Duration::ZERO } else { POLL };
-        let state = self.hub.wait(most, |state| {
-            state.frame_number != frame || state.words_number != words
-        });
-        self.waiting.fetch_sub(1, Ordering::SeqCst);
+        let (state, crowded) =
+            self.wait(|state| state.frame_number != frame || state.words_number != words);
         let new = state.frame.clone().filter(|_| state.frame_number != frame);
         let mut head = json!({
             "frame": state.frame_number,
@@ -392,18 +396,61 @@ impl Server {
             .iter()
             .map(|image| json!(image.0.to_array()))
             .collect();
-        let head = head.to_string();
-        let mut parts: Vec<Arc<[u8]>> = vec![
-            (head.len() as u32).to_le_bytes().to_vec().into(),
-            head.into_bytes().into(),
-        ];
-        parts.extend(images.into_iter().map(|(_, bytes)| bytes));
-        Answer {
-            status: 200,
-            kind: "application/octet-stream",
-            file: None,
-            parts,
+        with_pictures(&head, images.into_iter().map(|(_, bytes)| bytes))
+    }
+
+    /// Waits for something new; also true where enough clients wait: others are answered at once.
+    fn wait(&self, holds: impl Fn(&State) -> bool) -> (MutexGuard<'_, State>, bool) {
+        let crowded = self.waiting.fetch_add(1, Ordering::SeqCst) >= MAX_WAITING;
+        let most = if crowded { Duration::ZERO } else { POLL };
+        let state = self.hub.wait(most, holds);
+        self.waiting.fetch_sub(1, Ordering::SeqCst);
+        (state, crowded)
+    }
+
+    /// The oldest change of a film after one of this number, once there is one: a frame, or the words alone.
+    fn film(&self, film: u64, change: u64) -> Answer {
+        let (mut state, crowded) = self.wait(|state| {
+            let new = |of: &Film| of.number != film || of.is_newer(change);
+            state.options.playing.is_none() || state.film.as_ref().is_some_and(new)
+        });
+        let spec = state.options.spec.clone();
+        let (mut head, mut painted) = (json!({ "film": film, "crowded": crowded }), None);
+        if let Some(of) = &mut state.film {
+            let seen = if of.number == film { change } else { 0 };
+            if let Some((change, frame, still)) = of.after(seen) {
+                let display = of.display(&spec, &still.picture);
+                head = json!({
+                    "film": of.number,
+                    "change": change,
+                    "frame": frame,
+                    "size": [still.picture.width, still.picture.height],
+                    "round": still.round,
+                    "samples": still.samples,
+                    "command": still.command,
+                    "crowded": crowded,
+                });
+                drop(state);
+                painted = Some(painted_picture(&still.picture, display).bytes);
+            }
         }
+        with_pictures(&head, painted)
+    }
+}
+
+/// An answer of words and pixels: the length of the words in four bytes, the words as JSON, the pixels.
+fn with_pictures(head: &Value, pictures: impl IntoIterator<Item = Arc<[u8]>>) -> Answer {
+    let head = head.to_string();
+    let mut parts: Vec<Arc<[u8]>> = vec![
+        (head.len() as u32).to_le_bytes().to_vec().into(),
+        head.into_bytes().into(),
+    ];
+    parts.extend(pictures);
+    Answer {
+        status: 200,
+        kind: "application/octet-stream",
+        file: None,
+        parts,
     }
 }
 

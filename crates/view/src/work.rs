@@ -13,11 +13,9 @@ use opsr::render::value::word;
 use opsr::render::{Fault, Heading, Outcome, Request, Spec, Subject};
 use opsr::resolve::Resolve;
 use opsr::scene::Scene;
-use opsr_formats::FORMATS;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::Write;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -44,9 +42,6 @@ const OFTEN: f64 = 0.2;
 pub(super) struct Renderer<'a> {
     pub(super) hub: &'a Hub,
     pub(super) slot: &'a Slot,
-    pub(super) file: &'a Path,
-    /// Key of the open scene.
-    pub(super) key: Option<String>,
     pub(super) young: Young,
     /// Choices of pilots by scene and method: another look has no pilot of its own.
     pub(super) choices: HashMap<String, usize>,
@@ -90,14 +85,16 @@ impl Renderer<'_> {
         let hub = self.hub;
         let open_scene = self.open_scene(options)?;
         let scene = &open_scene.opened.scene;
-        let file = self.file.display().to_string();
+        if options.playing.is_some() && !open_scene.opened.animations.is_empty() {
+            return self.play(options, &open_scene);
+        }
         let subject = Subject {
             scene,
-            name: &file,
+            name: &options.file.name,
             sha256: &open_scene.opened.sha256,
             in_studio: open_scene.opened.in_studio,
         };
-        let look = match options.look {
+        let look = match options.look_in(scene) {
             Some(look) => look,
             None => first_look(&options.spec, scene)?,
         };
@@ -113,6 +110,8 @@ impl Renderer<'_> {
         let run = hub.change(|state| {
             state.run += 1;
             state.courses = Default::default();
+            // Frames of other options than these.
+            (state.film).take_if(|film| film.key != state.options.film_key());
             // Options that came meanwhile have a camera of their own.
             if state.options.render_key() == options.render_key() {
                 state.options.look = Some(look);
@@ -141,24 +140,15 @@ impl Renderer<'_> {
 
     /// The open scene, opened again if that is what has changed.
     fn open_scene(&mut self, options: &Options) -> Result<Arc<OpenScene>, Fault> {
-        let key = options.scene_key();
         let open = self.hub.lock().open_scene.clone();
-        if let Some(open_scene) = open
-            && self.key.as_ref() == Some(&key)
-        {
+        if let Some(open_scene) = open.filter(|open| open.key == options.scene_key()) {
             return Ok(open_scene);
         }
         self.hub.change(|state| {
             state.phase = "loading";
             state.words_number += 1;
         });
-        let opened = options.spec.open(self.file, FORMATS, Scene::new)?;
-        if opened.scene.lights().is_empty() {
-            let what = "nothing lights the scene: {env} studio, {env} sky or a map would";
-            return Err(Fault::Input(format!("{}: {what}", self.file.display())));
-        }
-        let open_scene = Arc::new(OpenScene { opened });
-        self.key = Some(key);
+        let open_scene = Arc::new(OpenScene::of(options)?);
         self.hub
             .change(|state| state.open_scene = Some(open_scene.clone()));
         Ok(open_scene)
@@ -252,7 +242,7 @@ impl Renderer<'_> {
                 return Ok(None);
             };
             if let Some(choice) = begun.choice {
-                self.choices.insert(choice_key(&request.spec), choice.best);
+                self.choices.insert(choice_key(&request), choice.best);
             }
             hub.change(|state| {
                 if runs.is_empty() {
@@ -267,8 +257,8 @@ impl Renderer<'_> {
     }
 
     /// Gives a request the method that a pilot has chosen for the same options.
-    fn take_choice(&self, request: &mut Request<'_>) {
-        if let Some(place) = self.choices.get(&choice_key(&request.spec)) {
+    pub(super) fn take_choice(&self, request: &mut Request<'_>) {
+        if let Some(place) = self.choices.get(&choice_key(request)) {
             request.take(*place);
         }
     }
@@ -406,7 +396,7 @@ fn showing(state: &State) -> (Resolve, bool) {
 }
 
 /// The request of a spec seen by a look; options that this scene does not know beside others are left out.
-fn prepared<'a>(
+pub(super) fn prepared<'a>(
     spec: &Spec,
     look: Look,
     subject: Subject<'a>,
@@ -435,18 +425,17 @@ fn prepared<'a>(
     }
 }
 
-/// Text that renders of the same candidates share, whatever their look and size.
-fn choice_key(spec: &Spec) -> String {
-    let given = spec.given().filter(|(option, _)| {
+/// Text that renders of the same candidates share, whatever their look, size and moment.
+fn choice_key(request: &Request<'_>) -> String {
+    let given = request.spec.given().filter(|(option, _)| {
         let heading = matches!(
             option.heading,
             Heading::Scene | Heading::Light | Heading::Method | Heading::Research
         );
-        heading || ["lens", "aov"].contains(&option.name)
+        option.name != "at" && (heading || ["lens", "aov"].contains(&option.name))
     });
-    given
-        .map(|(option, text)| format!("{} {text}, ", option.name))
-        .collect()
+    let words = given.map(|(option, text)| format!(", {} {text}", option.name));
+    request.subject.sha256.to_owned() + &words.collect::<String>()
 }
 
 /// Rays along each side of the picture for the median depth.
@@ -454,7 +443,7 @@ const DEPTHS: u32 = 9;
 
 /// The look of the camera that the options name. It turns around the point at the median depth of what it sees, the floor of the studio
 /// left out, and the middle of the scene where it sees nothing.
-fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
+pub(super) fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
     let frame = spec.frame(scene)?;
     let bare = Spec {
         lens: None,

@@ -17,7 +17,7 @@ const FIRST: f64 = 0.05;
 const WHOLE: f64 = 0.25;
 
 /// Pixels of a side that become one: at most, and in the last picture before those of the whole frame.
-const COARSEST: u32 = 16;
+pub(super) const COARSEST: u32 = 16;
 pub(super) const HALF: u32 = 2;
 
 /// Samples after which a picture of fewer pixels is shown: the first number of all of them, the others of half the frame's rows.
@@ -25,7 +25,7 @@ pub(super) const HALF: u32 = 2;
 const SHOWN_AT: [u32; 3] = [2, 4, 8];
 
 /// Seconds for a pixel of such a picture before one is known.
-const COST: f64 = 8e-6;
+pub(super) const COST: f64 = 8e-6;
 
 /// Pictures of fewer pixels, and what they cost so far.
 #[derive(Default)]
@@ -47,7 +47,7 @@ impl Young {
         run: u64,
         coarsest: Option<u32>,
     ) -> Result<bool, Fault> {
-        let settings = settings(request, viewpoint);
+        let settings = settings(request, &viewpoint.settings);
         let known = self.cost.filter(|(of, _)| *of == settings.estimator);
         let mut cost = known.map_or(COST, |(_, cost)| cost);
         let mut first = coarsest.is_none();
@@ -107,7 +107,7 @@ impl Young {
 
 /// Settings of pictures of fewer pixels: those of the render, and of the path tracer in place of estimators that learn or seek
 /// before their first sample, or need many.
-pub(super) fn settings(request: &Request<'_>, viewpoint: &Viewpoint) -> Settings {
+pub(super) fn settings(request: &Request<'_>, path: &Settings) -> Settings {
     use Estimator::{Bdpt, Path, Vcm, VcmNee};
     match request.settings.estimator {
         Path { .. } | Bdpt | Vcm(_) | VcmNee(_) => request.settings.clone(),
@@ -116,7 +116,7 @@ pub(super) fn settings(request: &Request<'_>, viewpoint: &Viewpoint) -> Settings
                 true => Amounts::Raw,
                 false => Amounts::Blurred,
             },
-            ..viewpoint.settings.clone()
+            ..path.clone()
         },
     }
 }

@@ -76,13 +76,12 @@ async function poll() {
       asking = new AbortController();
       const answer = await fetch(`poll?frame=${frame}&words=${words}`, { signal: asking.signal });
       if (!answer.ok) throw new Error(await answer.text());
-      const bytes = await answer.arrayBuffer();
-      const length = new DataView(bytes).getUint32(0, true);
-      const news = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
+      const [news, bytes, at] = unpacked(await answer.arrayBuffer());
       [frame, words] = [news.frame, news.words];
       state = news.state;
-      if (news.picture) draw(news.picture, news.images, bytes, 4 + length);
-      if (!facts || (facts.bounds === null && state.phase !== "loading")) await learn();
+      // Frames are shown in its place.
+      if (news.picture && !(playing && head)) draw(news.picture, news.images, bytes, at);
+      if (!facts || facts.scene !== state.scene) await learn();
       adopt();
       // Many pages are open.
       if (news.crowded) await new Promise((done) => setTimeout(done, 200));
@@ -96,16 +95,26 @@ async function poll() {
   }
 }
 
+// Words and pixels of an answer, and where the pixels begin.
+function unpacked(bytes) {
+  const length = new DataView(bytes).getUint32(0, true);
+  return [JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length))), bytes, 4 + length];
+}
+
 // ── pictures ──
+
+function paint(canvas, pixels) {
+  const { width, height } = pixels;
+  if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+  canvas.getContext("2d").putImageData(pixels, 0, 0);
+}
 
 function draw(picture, images, bytes, at) {
   head = picture;
   stage.style.setProperty("--frame", picture.frame.join(" / "));
   images.forEach(([width, height], i) => {
-    const canvas = canvases[i], count = 4 * width * height;
-    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-    const pixels = new Uint8ClampedArray(bytes, at, count);
-    canvas.getContext("2d").putImageData(new ImageData(pixels, width, height), 0, 0);
+    const count = 4 * width * height;
+    paint(canvases[i], new ImageData(new Uint8ClampedArray(bytes, at, count), width, height));
     at += count;
   });
   const two = images.length > 1;
@@ -117,56 +126,7 @@ function draw(picture, images, bytes, at) {
   stage.dataset.preview = picture.preview;
   legend(picture.legend);
   place();
-  if (playing && head.run === state.run && !head.preview) advance();
 }
-
-// ── time ──
-
-let playing = null;    // when the play began, and its moment then
-const FRAME = 1000 / 24, PATIENCE = 400;
-
-// The next moment, once a whole sample of this one is shown or it takes too long.
-function advance() {
-  const now = performance.now();
-  if (now - playing.last < FRAME) return;
-  playing.last = now;
-  const at = (playing.at + (now - playing.from) / 1000) % facts.seconds;
-  sendMoment(at);
-}
-
-const sendMoment = (seconds) => sendOption(["at", `${Number(seconds.toFixed(3))}s`]);
-
-function play(on) {
-  clearInterval(playing?.timer);
-  playing = null;
-  if (on && facts?.seconds) {
-    const now = performance.now();
-    playing = { from: now, last: now, at: Number($("moment").value) };
-    playing.timer = setInterval(() => performance.now() - playing.last > PATIENCE && advance(), FRAME);
-  }
-  $("play").setAttribute("aria-pressed", Boolean(playing));
-  $("play").textContent = playing ? "Stop" : "Play";
-}
-
-// Shows a moment such as 0.5s or 12@24, or rest.
-function timeLine(at) {
-  $("time").hidden = !facts?.seconds;
-  if (!facts?.seconds) return;
-  const [number, rate] = (at ?? "0s").split("@").map(Number.parseFloat), seconds = number / (rate || 1);
-  $("moment").max = facts.seconds;
-  if (document.activeElement !== $("moment") || playing) $("moment").value = seconds;
-  $("seconds").value = at === undefined ? "at rest" : `${seconds.toFixed(2)} of ${facts.seconds.toFixed(2)} s`;
-}
-
-$("play").onclick = () => play(!playing);
-$("rest").onclick = () => {
-  play(false);
-  option("at", null);
-};
-$("moment").oninput = (event) => {
-  play(false);
-  sendMoment(Number(event.target.value));
-};
 
 function legend(scale) {
   $("legend").hidden = !scale;
@@ -300,7 +260,7 @@ function released(event) {
   fingers.delete(event.pointerId);
   if (!clicked) return;
   const pixel = pixelAt(event);
-  if (!pixel) return;
+  if (!pixel || playing) return;
   if (picking) {
     focusBy(false);
     post("pick", { x: pixel[0], y: pixel[1], what: "focus" }).then((to) => to && toast(`In focus at ${short(to.depth)}`));
@@ -365,7 +325,8 @@ async function asked(what, pixel) {
 }
 
 const ask = latest(async (pixel) => {
-  const value = pixel && (await asked("pixel", pixel));
+  // A frame that runs is not the picture whose values are known.
+  const value = pixel && !playing && (await asked("pixel", pixel));
   if (!value) return;
   const of = value.surface;
   const rows = [["pixel", value.pixel.join(", ")], ["radiance", three(value.radiance)]];
@@ -575,7 +536,7 @@ function adopt() {
   }
   $("pause").setAttribute("aria-pressed", state.paused);
   $("pause").textContent = state.paused ? "Go on" : "Pause";
-  $("command").textContent = state.command;
+  if (!playing) $("command").textContent = state.command;
   $("missing").hidden = !state.missing;
   $("missing").textContent = state.missing ?? "";
   $("notes").replaceChildren(...[...(state.warnings || []), ...state.notes].map((note) => element("li", note)));
@@ -687,6 +648,7 @@ function overlay(name) {
   if (lacks === "levels" && $("roughening").value === "") toast("This is known of several levels: choose a table or a constant.");
   if (name === "missing" && !state.missing) toast("No light is known to be missing. A witness looks from 32 samples on, beside renders of one level without roughening.", 6000);
   if (name === "flip" && state.other === null) toast("FLIP needs a picture to compare with.");
+  if (playing && name !== "picture") toggle();
   set({ overlay: name });
 }
 
@@ -769,7 +731,18 @@ async function copy(text, what) {
 }
 const numbers = () => [...look.position, ...look.target, ...look.up, look.height ? `h${look.height}` : look.fov, ...(look.shift ?? [])].join();
 $("copy-look").onclick = () => state?.look && copy(`--camera ${numbers()}`, "the camera");
-$("copy-command").onclick = () => state && copy(`${state.command} --spp ${Math.max(1, state.course.samples)} -o out.exr`, "the command");
+$("copy-command").onclick = () => {
+  const { command, samples } = onStage ?? { command: state?.command, samples: state?.course.samples };
+  if (command) copy(`${command} --spp ${Math.max(1, samples)} -o out.exr`, "the command");
+};
+// A file is that of a frame at rest.
+for (const link of document.querySelectorAll("#save-png, #save-exr, #save-look")) {
+  link.addEventListener("click", (event) => {
+    if (!playing) return;
+    event.preventDefault();
+    toggle().then(() => link.click());
+  });
+}
 
 // ── keys ──
 
@@ -790,7 +763,7 @@ const keys = {
   x: ["From the side; with Shift from the other", () => viewAlong(0, 1), () => viewAlong(0, -1)],
   y: ["From the top; with Shift from below", () => viewAlong(1, 1), () => viewAlong(1, -1)],
   z: ["From the front; with Shift from behind", () => viewAlong(2, 1), () => viewAlong(2, -1)],
-  t: ["Play the animations, and stop", () => play(!playing)],
+  t: ["Play the animations, and stop", () => toggle()],
   m: ["Full screen, and back", () => $("full").click()],
   p: ["Larger pixels, and back", () => zoomTo(zoom >= 16 ? 1 : zoom * 4, null)],
   d: ["The next click sets the focus", () => $("pick-focus").click()],
@@ -834,4 +807,5 @@ $("help-button").onclick = () => $("help").showModal();
 new ResizeObserver(place).observe(stage);
 makeAxes();
 fillKeys();
-poll();
+// After the scripts that come next.
+document.addEventListener("DOMContentLoaded", poll);

@@ -1,8 +1,10 @@
 use super::*;
 use crate::finish::Slot;
+use crate::scene_file::SceneFile;
 use crate::young::settings;
 use opsr::integrator::{Estimator, Recorded};
 use serde_json::{Value, json};
+use std::path::Path;
 
 const FRAME: UVec2 = UVec2::new(40, 30);
 
@@ -30,12 +32,11 @@ fn with(
         request.frame,
         &request.settings,
     );
-    let hub = Hub::new(Options::new(&spec, false).expect("options"), None);
+    let file = Arc::new(SceneFile::named(Path::new("")));
+    let hub = Hub::new(Options::new(&spec, file, false).expect("options"), None);
     let mut renderer = Renderer {
         hub: &hub,
         slot: &Slot::default(),
-        file: Path::new(""),
-        key: None,
         young: Young::default(),
         choices: HashMap::new(),
     };
@@ -54,7 +55,7 @@ fn young_pictures_are_resolved() {
     ];
     for (choices, method) in cases {
         with(&choices, |renderer, request, viewpoint| {
-            let settings = settings(&request, viewpoint);
+            let settings = settings(&request, &viewpoint.settings);
             let is_path = settings.estimator == Estimator::default();
             assert_eq!(is_path, method == "path", "{choices:?}");
             renderer.young.cost = Some((settings.estimator, 1.0));

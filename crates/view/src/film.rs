@@ -1,0 +1,260 @@
+//! Frames of the animations that are played: each is kept, within bounds, and replaced by a better one.
+
+use opsr::image::Buffer;
+use opsr::image::display::Display;
+use opsr::math::UVec2;
+use opsr::render::Spec;
+use opsr::render::value::{Exposure, Moment};
+use serde_json::{Value, json};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Most frames per second, and most frames.
+const RATE: f64 = 24.0;
+const MOST_FRAMES: f64 = 4096.0;
+
+/// Most bytes of the frames of a film.
+const MOST_BYTES: f64 = (1 << 29) as f64;
+const BYTES_OF_PIXEL: f64 = 12.0;
+
+/// Frames of animations of this length, from the first moment to the last before they begin anew, and frames per second.
+pub(super) fn pace(seconds: f64) -> (usize, f64) {
+    let rate = RATE / (seconds * RATE / MOST_FRAMES).ceil().max(1.0);
+    let count = (seconds * rate - 1e-6).ceil().clamp(1.0, MOST_FRAMES);
+    (count as usize, rate)
+}
+
+/// Seconds from the start of the animations.
+pub(super) fn seconds(moment: Moment) -> f64 {
+    match moment {
+        Moment::Seconds(seconds) => seconds,
+        Moment::Frame(frame, fps) => frame / fps,
+    }
+}
+
+/// The moment of animations that run.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Clock {
+    since: Instant,
+    from: f64,
+}
+
+impl Clock {
+    /// A clock that shows these seconds now.
+    pub(super) fn at(seconds: f64) -> Self {
+        Self {
+            since: Instant::now(),
+            from: seconds,
+        }
+    }
+
+    /// The seconds that it shows.
+    pub(super) fn seconds(&self) -> f64 {
+        self.from + self.since.elapsed().as_secs_f64()
+    }
+}
+
+/// A frame that is kept.
+pub(super) struct Still {
+    /// Linear radiance.
+    pub(super) picture: Buffer,
+    /// Number of the round that it is of.
+    pub(super) round: usize,
+    pub(super) samples: u32,
+    /// The command that renders this frame alone.
+    pub(super) command: String,
+}
+
+/// The frames of a film.
+pub(super) struct Film {
+    pub(super) number: u64,
+    /// Options that it was made with.
+    pub(super) key: String,
+    pub(super) rate: f64,
+    /// Least number of pixels of a side that become one: frames of that size can all be kept.
+    pub(super) scale: u32,
+    in_studio: bool,
+    /// Every frame with the number of its change.
+    stills: Vec<(u64, Option<Arc<Still>>)>,
+    /// Number of the last change.
+    changes: u64,
+    exposure: Option<f32>,
+}
+
+impl Film {
+    /// A film without frames yet.
+    pub(super) fn new(
+        number: u64,
+        key: String,
+        (count, rate): (usize, f64),
+        frame: UVec2,
+        in_studio: bool,
+    ) -> Self {
+        let bytes = BYTES_OF_PIXEL * count as f64 * frame.as_dvec2().element_product();
+        let fits = |scale: &u32| bytes / f64::from(scale * scale) <= MOST_BYTES;
+        Self {
+            number,
+            key,
+            rate,
+            scale: (1..u32::MAX).find(fits).unwrap_or(1),
+            in_studio,
+            stills: vec![(0, None); count],
+            changes: 0,
+            exposure: None,
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.stills.len()
+    }
+
+    /// Keeps a frame in place of an earlier one.
+    pub(super) fn keep(&mut self, number: usize, still: Still) {
+        self.changes += 1;
+        self.stills[number] = (self.changes, Some(Arc::new(still)));
+    }
+
+    /// The frame that is missing and that a clock reaches first, from these seconds on.
+    pub(super) fn first_missing(&self, from: f64) -> Option<usize> {
+        let from = (from * self.rate).rem_euclid(self.len() as f64).ceil() as usize;
+        let around = (0..self.len()).map(|i| (from + i) % self.len());
+        around
+            .into_iter()
+            .find(|number| self.stills[*number].1.is_none())
+    }
+
+    /// The first frame of an earlier round than this one.
+    pub(super) fn first_before(&self, round: usize) -> Option<usize> {
+        let earlier = |still: &Option<Arc<Still>>| still.as_ref().is_none_or(|s| s.round < round);
+        (self.stills.iter()).position(|(_, still)| earlier(still))
+    }
+
+    /// Changes after one of this number.
+    pub(super) fn is_newer(&self, change: u64) -> bool {
+        self.changes > change
+    }
+
+    /// The oldest change after one of this number: its number, that of the frame, and the frame.
+    pub(super) fn after(&self, change: u64) -> Option<(u64, usize, Arc<Still>)> {
+        let all = self.stills.iter().enumerate();
+        let newer = all.filter_map(|(frame, (number, still))| {
+            let still = still.as_ref().filter(|_| *number > change)?;
+            Some((*number, frame, still))
+        });
+        newer
+            .min_by_key(|(number, ..)| *number)
+            .map(|(number, frame, still)| (number, frame, still.clone()))
+    }
+
+    /// Shows all frames anew.
+    pub(super) fn repaint(&mut self) {
+        self.exposure = None;
+        for (number, still) in &mut self.stills {
+            if still.is_some() {
+                self.changes += 1;
+                *number = self.changes;
+            }
+        }
+    }
+
+    /// Exposure and view: automatic exposure is that of one frame for all, so that a film does not flicker.
+    pub(super) fn display(&mut self, spec: &Spec, picture: &Buffer) -> Display {
+        let view = spec.view.unwrap_or_default();
+        let auto = spec.exposure.unwrap_or_default() == Exposure::Auto;
+        if let (true, Some(exposure)) = (auto, self.exposure) {
+            return Display { exposure, view };
+        }
+        let display = spec.display(picture, self.in_studio);
+        self.exposure = Some(display.exposure);
+        display
+    }
+
+    pub(super) fn json(&self, clock: Option<Clock>) -> Value {
+        let kept = self.stills.iter().filter(|(_, still)| still.is_some());
+        json!({
+            "number": self.number,
+            "frames": self.len(),
+            "kept": kept.count(),
+            "position": clock.map(|clock| (clock.seconds() * self.rate).rem_euclid(self.len() as f64)),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use opsr::math::Rgb;
+
+    fn still(light: f32) -> Still {
+        Still {
+            picture: Buffer::filled(2, 2, Rgb::splat(light)),
+            round: 0,
+            samples: 2,
+            command: String::new(),
+        }
+    }
+
+    fn film(seconds: f64, frame: UVec2) -> Film {
+        Film::new(1, String::new(), pace(seconds), frame, false)
+    }
+
+    /// Frames are those before the loop begins anew, and of a size with which all can be kept.
+    #[test]
+    fn frames_of_long_films_are_smaller() {
+        assert_eq!(
+            [0.0, 0.5, 2.0, 2.01].map(pace),
+            [1, 12, 48, 49].map(|count| (count, 24.0))
+        );
+        assert_eq!(pace(200.0), (2400, 12.0));
+        assert!(pace(1e9).0 <= MOST_FRAMES as usize && pace(1e9).1 > 0.0);
+        assert_eq!(seconds(Moment::Seconds(0.5)), 0.5);
+        assert_eq!(seconds(Moment::Frame(10.0, 20.0)), 0.5);
+        let frame = UVec2::new(640, 480);
+        for (seconds, scale) in [(2.0, 1), (10.0, 2), (90.0, 4), (1e5, 6)] {
+            let film = film(seconds, frame);
+            assert_eq!(film.scale, scale, "{seconds}");
+            let pixels = (frame / scale).as_dvec2().element_product();
+            assert!(BYTES_OF_PIXEL * pixels * film.len() as f64 <= MOST_BYTES);
+        }
+    }
+
+    /// The clock comes to a missing frame first, over the end of the loop too; a page is given every change once, the oldest first.
+    #[test]
+    fn missing_frames_come_in_the_order_of_the_clock() {
+        let mut film = film(0.25, UVec2::ONE);
+        let mut order = Vec::new();
+        let mut from = 2.5;
+        while let Some(number) = film.first_missing(from / RATE) {
+            film.keep(number, still(1.0));
+            order.push(number);
+            from = number as f64 + 1.5;
+        }
+        assert_eq!(order, [3, 5, 1, 4, 0, 2]);
+        assert_eq!(
+            (film.first_before(0), film.first_before(1)),
+            (None, Some(0))
+        );
+        film.keep(5, still(2.0));
+        let (mut change, mut given) = (0, Vec::new());
+        while let Some((number, frame, _)) = film.after(change) {
+            assert!(number > change && film.is_newer(change));
+            (change, given) = (number, [given, vec![frame]].concat());
+        }
+        assert_eq!(given, [3, 1, 4, 0, 2, 5]);
+        assert!(!film.is_newer(change));
+        film.repaint();
+        assert!(film.after(change).is_some_and(|(_, frame, _)| frame == 0));
+    }
+
+    /// The first frame that is shown sets the exposure of all, until it is chosen anew.
+    #[test]
+    fn exposure_stays_through_a_film() {
+        let mut film = film(1.0, UVec2::ONE);
+        let spec = Spec::default();
+        let shown = |film: &mut Film, light| film.display(&spec, &still(light).picture).exposure;
+        let first = shown(&mut film, 1.0);
+        assert_eq!(shown(&mut film, 64.0), first);
+        film.repaint();
+        assert!(shown(&mut film, 64.0) < first);
+    }
+}

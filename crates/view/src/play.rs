@@ -1,0 +1,225 @@
+//! Animations that run: all frames of the film at a few samples, in the order in which they are shown, and then better ones, averaged
+//! along the surfaces that they share.
+
+use super::film::{self, Film, Still};
+use super::open_scene::{OpenScene, path_settings};
+use super::options::Options;
+use super::work::{Renderer, first_look, prepared};
+use super::young::{COARSEST, COST, HALF, settings};
+use opsr::image::film::Window;
+use opsr::integrator::{Picture, Recorded, Stop, View};
+use opsr::math::UVec2;
+use opsr::render::open::Opened;
+use opsr::render::value::Moment;
+use opsr::render::{Fault, Shown, Spec, Subject};
+use opsr::scene::Hit;
+use opsr_formats::FORMATS;
+use opsr_frames::surfaces::places;
+use opsr_frames::{Averaged, Frame, Sequence, Surfaces};
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Pixels of a side that become one, and samples, of the frames of each round after the first.
+const ROUNDS: [(u32, u32); 3] = [(HALF, 4), (1, 8), (1, 32)];
+
+/// Samples of the first frames, and seconds that one may take.
+const FIRST_SAMPLES: u32 = 2;
+const FIRST: f64 = 0.1;
+
+/// The text of a frame that holds its command.
+const COMMAND: &str = "command";
+
+/// The scene of the last frame with the hits of the centres of its pixels, and frames that wait for their neighbours.
+#[derive(Default)]
+struct Reel {
+    last: Option<(Opened, Vec<Option<Hit>>)>,
+    sequence: Sequence,
+}
+
+impl Reel {
+    /// The scene at the moment of a spec: that of the last frame, where cameras alone have moved since.
+    fn open(&mut self, spec: &Spec, path: &Path) -> Result<Opened, Fault> {
+        if let Some((opened, _)) = &mut self.last
+            && opened.at(spec, path, FORMATS)?
+            && let Some((opened, _)) = self.last.take()
+        {
+            return Ok(opened);
+        }
+        spec.open(path, FORMATS, opsr::scene::Scene::new)
+    }
+
+    /// Adds a frame of a scene; gives the one whose neighbours are all there now.
+    fn push(&mut self, opened: Opened, mut frame: Frame) -> Option<(&Frame, Averaged)> {
+        let view = View::new(&opened.scene, &frame.camera, frame.size, frame.window);
+        let (surfaces, hits) = Surfaces::of(&view);
+        frame.surfaces = surfaces;
+        if let Some((last, before)) = &self.last {
+            let after = places(before, &last.scene, &opened.scene);
+            self.sequence.set_after(after);
+            frame.surfaces.before = places(&hits, &opened.scene, &last.scene);
+        }
+        self.last = Some((opened, hits));
+        // Frames of one round are of one size.
+        self.sequence.push(frame).ok().flatten()
+    }
+}
+
+impl Renderer<'_> {
+    /// Makes frames of the film, and better ones in every round, until something changes.
+    pub(super) fn play(&mut self, options: &Options, open_scene: &OpenScene) -> Result<(), Fault> {
+        let hub = self.hub;
+        let frame = options.spec.frame(&open_scene.opened.scene)?;
+        let (count, rate) = film::pace(open_scene.seconds());
+        let least = hub.change(|state| {
+            let key = options.film_key();
+            state.run += 1;
+            if state.film.as_ref().is_none_or(|film| film.key != key) {
+                let in_studio = open_scene.opened.in_studio;
+                state.film = Some(Film::new(state.run, key, (count, rate), frame, in_studio));
+            }
+            state.courses = Default::default();
+            (state.fault, state.missing, state.flip) = (None, None, None);
+            state.phase = "playing";
+            // A file is that of a moment at rest.
+            state.saves.clear();
+            state.words_number += 1;
+            state.film.as_ref().map_or(1, |film| film.scale)
+        });
+        let mut reel = Reel::default();
+        let mut took = 0.0;
+        let first = self.first_scale(frame).max(least);
+        // A frame that is ready late is shown late: the next is one that the clock has not reached.
+        while let Some(number) = self.film(|film| {
+            let now = options.playing.map_or(0.0, |clock| clock.seconds());
+            film.first_missing(now + took)
+        }) {
+            let clock = Instant::now();
+            let made = self.frame(options, &mut reel, (number, rate), (first, FIRST_SAMPLES))?;
+            let Some((opened, frame)) = made else {
+                return Ok(());
+            };
+            reel.last = Some((opened, Vec::new()));
+            self.keep(&frame, frame.picture.clone(), 0, FIRST_SAMPLES);
+            took = clock.elapsed().as_secs_f64();
+        }
+        for (round, (scale, samples)) in (1..).zip(ROUNDS) {
+            let Some(from) = self.film(|film| film.first_before(round)) else {
+                continue;
+            };
+            let mut reel = Reel::default();
+            for number in from..count {
+                let how = (scale.max(least), samples);
+                let Some((opened, frame)) = self.frame(options, &mut reel, (number, rate), how)?
+                else {
+                    return Ok(());
+                };
+                if let Some((frame, averaged)) = reel.push(opened, frame) {
+                    self.keep(frame, averaged.picture, round, samples);
+                }
+            }
+            while let Some((frame, averaged)) = reel.sequence.average_next() {
+                self.keep(frame, averaged.picture, round, samples);
+            }
+        }
+        while !hub.disturbed.load(Ordering::Relaxed) {
+            let number = hub.lock().options_number;
+            drop(hub.wait(Duration::from_secs(1), |state| {
+                state.options_number != number
+            }));
+        }
+        Ok(())
+    }
+
+    /// Asks the film, if there is one.
+    fn film<T>(&self, ask: impl FnOnce(&Film) -> Option<T>) -> Option<T> {
+        self.hub.lock().film.as_ref().and_then(ask)
+    }
+
+    /// Pixels of a side that become one, so that a frame takes little time.
+    fn first_scale(&self, frame: UVec2) -> u32 {
+        let cost = self.young.cost.map_or(COST, |(_, cost)| cost);
+        let pixels = frame.as_dvec2().element_product();
+        let quick = |scale: &u32| cost * pixels / f64::from(scale * scale) <= FIRST;
+        (1..COARSEST).find(quick).unwrap_or(COARSEST)
+    }
+
+    /// Keeps the picture of a frame.
+    fn keep(&self, frame: &Frame, picture: opsr::image::Buffer, round: usize, samples: u32) {
+        let still = Still {
+            picture,
+            round,
+            samples,
+            command: frame.metadata.get(COMMAND).cloned().unwrap_or_default(),
+        };
+        self.hub.change(|state| {
+            if let Some(film) = &mut state.film {
+                film.keep(frame.number as usize, still);
+            }
+            state.words_number += 1;
+        });
+    }
+
+    /// Renders a frame with this number of pixels of a side as one and these samples, its surfaces not traced yet; `None` if something
+    /// changed meanwhile.
+    fn frame(
+        &mut self,
+        options: &Options,
+        reel: &mut Reel,
+        (number, rate): (usize, f64),
+        (scale, samples): (u32, u32),
+    ) -> Result<Option<(Opened, Frame)>, Fault> {
+        let hub = self.hub;
+        let mut spec = options.spec.clone();
+        spec.at = Some(Moment::Frame(number as f64, rate));
+        // The same noise in all frames does not average.
+        spec.seed = Some(spec.seed.unwrap_or_default().wrapping_add(number as u64));
+        let file = &options.file;
+        let opened = reel.open(&spec, &file.path)?;
+        let subject = Subject {
+            scene: &opened.scene,
+            name: &file.name,
+            sha256: &opened.sha256,
+            in_studio: opened.in_studio,
+        };
+        let look = match options.look_in(&opened.scene) {
+            Some(look) => look,
+            None => first_look(&spec, &opened.scene)?,
+        };
+        let (mut request, _) = prepared(&spec, look, subject)?;
+        self.take_choice(&mut request);
+        let denoiser = request.spec.denoiser()?;
+        let settings = settings(&request, &path_settings(&request.settings));
+        let size = (request.frame / scale).max(UVec2::ONE);
+        let window = Window::full(size);
+        let stop = Stop::when(&hub.disturbed);
+        let view = View::new(&opened.scene, &request.camera, size, window);
+        let recorded = Recorded {
+            first: denoiser.is_some(),
+            ..Recorded::default()
+        };
+        let blank = Picture::blank(size, window, &settings.amounts, recorded);
+        let mut picture = blank.map_err(|e| Fault::option("size", e))?;
+        let added = settings
+            .integrator()
+            .pass(&view.until(&stop), 0..samples, &mut picture);
+        if added < samples || hub.disturbed.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let shown = Shown::of(&picture, &request.spec, denoiser.as_ref())?;
+        let known = shown.resolved.as_ref().filter(|r| r.is_known());
+        let frame = Frame {
+            number: number as u32,
+            size,
+            window,
+            camera: request.camera.clone(),
+            error: shown.errors(&picture.film, None).unwrap_or_default(),
+            squares: known.map_or(Vec::new(), |resolved| resolved.squares().collect()),
+            surfaces: Surfaces::default(),
+            layers: Vec::new(),
+            metadata: [(COMMAND.to_owned(), request.command())].into(),
+            picture: shown.picture,
+        };
+        Ok(Some((opened, frame)))
+    }
+}
