@@ -1,5 +1,6 @@
 //! The viewer by its protocol: who is answered, what is refused, what stalls nothing, and that its picture is that of a render.
 
+mod dropped;
 mod film;
 
 use opsr::image::exr;
@@ -210,7 +211,7 @@ fn view_refuses_whoever_may_not_ask() {
         assert!(page.head.contains(header), "{}", page.head);
     }
     // The page loads nothing from elsewhere.
-    for file in ["", "page.css", "page.js", "camera.js", "film.js"] {
+    for file in ["", "page.css", "page.js", "camera.js", "film.js", "drop.js"] {
         let text = viewer
             .get(file)
             .text()

@@ -418,6 +418,69 @@ def played(browser, opsr, folder):
         assert viewer.wait(10) == 0
 
 
+# Drops files, as names and bytes in base64, onto the page.
+DROP = """(files) => {
+    const all = new DataTransfer();
+    for (const [name, bytes] of files) all.items.add(new File([Uint8Array.from(atob(bytes), (c) => c.charCodeAt(0))], name));
+    for (const kind of ["dragover", "drop"]) stage.dispatchEvent(new DragEvent(kind, { dataTransfer: all, bubbles: true, cancelable: true }));
+}"""
+
+
+def opened(browser, opsr, folder):
+    """Files that are dropped onto the page, or chosen, are opened; what cannot be read leaves the picture as it is."""
+    first = folder / "first.glb"
+    shutil.copy(ROOT / "training_scenes/cornell_caustics.glb", first)
+    command = [opsr, "view", first, "--no-open", "--size", "80x60", "--spp", str(SPP)]
+    viewer = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    pages = []
+    try:
+        address = viewer.stdout.readline().strip()
+        for _ in range(2):
+            pages.append(browser.new_page(viewport={"width": 900, "height": 600}))
+            pages[-1].goto(address)
+            pages[-1].wait_for_function("() => typeof head !== 'undefined' && head !== null", timeout=30_000)
+        page, beside = pages
+        done(page)
+        before = picture(page)
+
+        # A scene of two files, of which one is forgotten at first.
+        scene = json.loads(moving(folder).read_text())
+        data = base64.b64decode(scene["buffers"][0]["uri"].split(",")[1])
+        scene["buffers"][0]["uri"] = "square.bin"
+        files = [["square.gltf", json.dumps(scene).encode()], ["square.bin", data]]
+        files = [[name, base64.b64encode(raw).decode()] for name, raw in files]
+        says = lambda text: page.wait_for_function("t => document.getElementById('toast').textContent.includes(t)", arg=text, timeout=20_000)
+        run = page.evaluate("state.run")
+        page.evaluate(DROP, files[:1])
+        says("square.bin")
+        assert "dropped along" in page.locator("#toast").inner_text() and "/tmp" not in page.locator("#toast").inner_text()
+        page.evaluate(DROP, files[1:])
+        says("expected one scene")
+        assert page.evaluate("state.run") == run and (picture(page) == before).all()
+        another(page, lambda: page.evaluate(DROP, files))
+        says("Opened")
+        assert (picture(page) != before).any() and page.locator("#title").inner_text() == "square"
+        # Its time line is there, on every page; the command says that it cannot know the place of the file.
+        for one in pages:
+            one.wait_for_function("() => facts.title === 'square' && !document.getElementById('time').hidden", timeout=10_000)
+        assert shlex.split(page.evaluate("state.command"))[2] == "square.gltf"
+        assert "put its own path into the command" in page.locator("#notes").inner_text()
+        another(page, lambda: page.locator("#moment").fill("24"))
+
+        # The same by keyboard: the button and its key open the browser's list of files.
+        for act in [lambda: page.locator("#open").press("Enter"), lambda: page.locator("#stage").press("o")]:
+            with page.expect_file_chooser() as chooser:
+                act()
+        another(page, lambda: chooser.value.set_files(str(first)))
+        assert (picture(page) == before).all(), "the same file is another picture"
+        assert page.evaluate("facts.seconds") == 0 and page.locator("#time").is_hidden()
+    finally:
+        for page in pages:
+            page.close()
+        viewer.send_signal(2)
+        assert viewer.wait(10) == 0
+
+
 def broken(browser, opsr, folder, shots):
     """A scene that cannot be read is a message on the page, in both widths."""
     scene = folder / "broken.glb"
@@ -532,6 +595,7 @@ def main():
                 context.close()
             many(browser, address)
             played(browser, opsr, pathlib.Path(folder))
+            opened(browser, opsr, pathlib.Path(folder))
             broken(browser, opsr, pathlib.Path(folder), shots)
             browser.close()
             assert not troubles, troubles

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 /// Longest head of a request, and longest body.
 const MAX_HEAD: usize = 1 << 13;
-const MAX_BODY: usize = 1 << 16;
+pub(super) const MAX_BODY: usize = 1 << 16;
 
 /// Most headers.
 const MAX_HEADERS: usize = 64;
@@ -15,6 +15,9 @@ const MAX_HEADERS: usize = 64;
 const SILENCE: Duration = Duration::from_secs(30);
 const ARRIVAL: Duration = Duration::from_secs(5);
 const READING: Duration = Duration::from_secs(20);
+
+/// Bytes of a body that arrive in a second at least.
+const SLOWEST: usize = 1 << 22;
 
 /// Bytes that are sent at once: a client that stalls is noticed between two of them.
 const PIECE: usize = 1 << 16;
@@ -29,7 +32,10 @@ pub(super) struct Request {
     pub(super) host: Option<String>,
     pub(super) origin: Option<String>,
     pub(super) content_type: Option<String>,
+    /// The body, once it is there.
     pub(super) body: Vec<u8>,
+    /// Lengths of head and body.
+    lengths: (usize, usize),
 }
 
 impl Request {
@@ -147,15 +153,15 @@ impl Connection {
         })
     }
 
-    /// The next request.
+    /// The next request, without its body.
     pub(super) fn next(&mut self) -> Result<Request, End> {
         let mut deadline = Instant::now() + SILENCE;
         if !self.ahead.is_empty() {
             deadline = Instant::now() + ARRIVAL;
         }
         loop {
-            if let Some((request, head, body)) = parsed(&self.ahead)? {
-                return self.with_body(request, head, body);
+            if let Some(request) = parsed(&self.ahead)? {
+                return Ok(request);
             }
             if self.ahead.len() >= MAX_HEAD {
                 return Err(refused(431, "the head of the request is too long"));
@@ -168,22 +174,20 @@ impl Connection {
         }
     }
 
-    fn with_body(
-        &mut self,
-        mut request: Request,
-        head: usize,
-        body: usize,
-    ) -> Result<Request, End> {
-        if body > MAX_BODY {
+    /// Reads the body of a request, which may have this many bytes.
+    pub(super) fn body(&mut self, request: &mut Request, most: usize) -> Result<(), End> {
+        let (head, body) = request.lengths;
+        if body > most {
             return Err(refused(413, "the message is too long"));
         }
-        let deadline = Instant::now() + ARRIVAL;
+        let deadline = Instant::now() + ARRIVAL + Duration::from_secs((body / SLOWEST) as u64);
         while self.ahead.len() < head + body {
             self.more(deadline, head + body)?;
         }
-        request.body = self.ahead[head..head + body].to_vec();
-        self.ahead.drain(..head + body);
-        Ok(request)
+        let rest = self.ahead.split_off(head + body);
+        request.body = std::mem::replace(&mut self.ahead, rest);
+        request.body.drain(..head);
+        Ok(())
     }
 
     /// Reads until there are `most` bytes at most.
@@ -193,7 +197,7 @@ impl Connection {
             return Err(End::Gone);
         }
         self.stream.set_read_timeout(Some(left))?;
-        let mut piece = [0; 4096];
+        let mut piece = [0; PIECE];
         let room = (most - self.ahead.len().min(most)).clamp(1, piece.len());
         match self.stream.read(&mut piece[..room])? {
             0 => Err(End::Gone),
@@ -239,8 +243,8 @@ impl Connection {
     }
 }
 
-/// A request whose head is whole, with the lengths of head and body.
-fn parsed(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, End> {
+/// A request whose head is whole.
+fn parsed(bytes: &[u8]) -> Result<Option<Request>, End> {
     let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
     let mut parsed = httparse::Request::new(&mut headers);
     let head = match parsed.parse(bytes) {
@@ -279,5 +283,6 @@ fn parsed(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, End> {
             .parse()
             .map_err(|_| refused(400, "a length that is no number"))?,
     };
-    Ok(Some((request, head, body)))
+    request.lengths = (head, body);
+    Ok(Some(request))
 }

@@ -264,7 +264,13 @@ impl State {
     pub(super) fn words(&self) -> Value {
         let options = &self.options;
         let shown = self.shown.as_ref();
-        let notes = [options.left_out.as_slice(), self.notes.as_slice()].concat();
+        let mut notes = [options.left_out.as_slice(), self.notes.as_slice()].concat();
+        if options.file.is_dropped() {
+            let name = &options.file.name;
+            notes.push(format!(
+                "{name} was dropped onto a page: put its own path into the command"
+            ));
+        }
         let warnings = self
             .open_scene
             .as_ref()

@@ -14,7 +14,7 @@
 //! | `film` | frames of animations, kept |
 //! | `play` | frames of animations that run, in rounds |
 //! | `paint` | the thread that makes pixels of pictures |
-//! | `scene_file` | the file of the scene |
+//! | `scene_file` | the file of the scene, and files that are dropped onto a page |
 //! | `open_scene` | values, surfaces and paths under the pointer |
 //! | `save` | files |
 //! | `page` | the page, by hand and whole |
@@ -45,13 +45,13 @@ use opsr::files::hex;
 use opsr::image::exr;
 use opsr::render::{Fault, Spec};
 use options::Options;
-use scene_file::SceneFile;
+use scene_file::{Dropped, SceneFile};
 use serve::Server;
 use std::collections::HashMap;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use work::Renderer;
 use young::Young;
@@ -93,6 +93,8 @@ impl Viewer {
             port,
             pool: one_thread()?,
             waiting: AtomicUsize::new(0),
+            dropped: Dropped::default(),
+            opening: Mutex::default(),
         });
         Ok(Self { listener, server })
     }
@@ -132,6 +134,7 @@ impl Viewer {
         // nobody waits for that.
         drop(TcpStream::connect((Ipv4Addr::LOCALHOST, server.port)));
         let _ = serving.join();
+        server.dropped.remove();
         Ok(())
     }
 }

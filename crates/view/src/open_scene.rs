@@ -30,7 +30,8 @@ impl OpenScene {
     /// Opens the scene of the options.
     pub(super) fn of(options: &Options) -> Result<Self, Fault> {
         let file = &options.file;
-        let opened = (options.spec.open(&file.path, FORMATS, Scene::new))?;
+        let opened = (options.spec.open(&file.path, FORMATS, Scene::new))
+            .map_err(|fault| file.said(fault))?;
         if opened.scene.lights().is_empty() {
             let what = "nothing lights the scene: {env} studio, {env} sky or a map would";
             return Err(Fault::Input(format!("{}: {what}", file.name)));

@@ -230,6 +230,19 @@ impl Options {
         Ok(next)
     }
 
+    /// The options for another scene: those of the last one's cameras, moments and variants are left.
+    pub(super) fn with_file(&self, file: Arc<SceneFile>) -> Result<Self, Fault> {
+        let mut next = self.clone();
+        for name in ["camera", "at", "variant"] {
+            next.asked.remove(name);
+        }
+        (next.spec, next.left_out) = self.fitted(&next.asked, &[])?;
+        (next.look, next.moved, next.playing) = (None, false, None);
+        next.other.take_if(|other| *other == Other::Reference);
+        next.file = file;
+        Ok(next)
+    }
+
     /// The camera of all moments; `None` for one of the file, which may move with its animations.
     pub(super) fn look_in(&self, scene: &Scene) -> Option<Look> {
         let own = scene.parts().cameras.is_empty();

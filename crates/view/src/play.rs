@@ -175,7 +175,8 @@ impl Renderer<'_> {
         // The same noise in all frames does not average.
         spec.seed = Some(spec.seed.unwrap_or_default().wrapping_add(number as u64));
         let file = &options.file;
-        let opened = reel.open(&spec, &file.path)?;
+        let opened = reel.open(&spec, &file.path);
+        let opened = opened.map_err(|fault| file.said(fault))?;
         let subject = Subject {
             scene: &opened.scene,
             name: &file.name,

@@ -5,12 +5,13 @@
 
 use super::connections::{Connections, Place};
 use super::film::{self, Film};
-use super::http::{Answer, Connection, End, Request};
+use super::http::{Answer, Connection, End, MAX_BODY, Request};
 use super::hub::{Frame, Hub, State};
-use super::open_scene::Viewpoint;
+use super::open_scene::{OpenScene, Viewpoint};
 use super::options::{CONTROLS, Message, Overlay};
 use super::paint::painted_picture;
 use super::save;
+use super::scene_file::{Dropped, MOST_BYTES};
 use opsr::image::denoise::Denoiser;
 use opsr::math::{UVec2, Vec3};
 use opsr::render::look::Look;
@@ -20,7 +21,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 /// Longest wait for something new, and most clients that may wait: a browser opens six connections to a server, and pages in
@@ -33,6 +34,7 @@ const STYLE: &str = include_str!("page/page.css");
 const SCRIPT: &str = include_str!("page/page.js");
 const CAMERA: &str = include_str!("page/camera.js");
 const FILM: &str = include_str!("page/film.js");
+const DROP: &str = include_str!("page/drop.js");
 
 /// State from which the server answers.
 pub(super) struct Server {
@@ -43,6 +45,10 @@ pub(super) struct Server {
     pub(super) pool: rayon::ThreadPool,
     /// Clients that wait for something new.
     pub(super) waiting: AtomicUsize,
+    /// Files that were dropped onto a page.
+    pub(super) dropped: Dropped,
+    /// Held while files arrive and are opened: those of one page at a time.
+    pub(super) opening: Mutex<()>,
 }
 
 /// A pixel in a message.
@@ -87,25 +93,39 @@ impl Server {
             return;
         };
         while !self.hub.ended() {
-            let refusal = match connection.next() {
-                Ok(request) => match self.permitted(&request) {
-                    Ok(path) => {
-                        place.keep();
-                        let answer = self.answer(path, &request);
-                        let answer = answer.unwrap_or_else(|refusal| refusal);
-                        if connection.send(&answer, true).is_err() {
-                            return;
-                        }
-                        continue;
+            let refusal = match self.answered(&mut connection, place) {
+                Ok(answer) => {
+                    if connection.send(&answer, true).is_err() {
+                        return;
                     }
-                    Err(refusal) => refusal,
-                },
+                    continue;
+                }
                 Err(End::Refused(refusal)) => refusal,
                 Err(End::Gone) => return,
             };
             let _ = connection.send(&refusal, false);
             return connection.close();
         }
+    }
+
+    /// The answer to the next request. Its body is read once its client has shown that it may ask.
+    fn answered(&self, connection: &mut Connection, place: &Place) -> Result<Answer, End> {
+        let mut request = connection.next()?;
+        let path = self.permitted(&request).map_err(End::Refused)?.to_owned();
+        place.keep();
+        let answer = match (request.method.as_str(), path.as_str()) {
+            ("POST", "open") => {
+                let busy = || End::Refused(Answer::text(503, "another file is being opened"));
+                let _alone = self.opening.try_lock().map_err(|_| busy())?;
+                connection.body(&mut request, MOST_BYTES)?;
+                self.open(&mut request)
+            }
+            _ => {
+                connection.body(&mut request, MAX_BODY)?;
+                self.answer(&path, &request)
+            }
+        };
+        Ok(answer.unwrap_or_else(|refusal| refusal))
     }
 
     /// The path below the token, of a client that may ask.
@@ -136,6 +156,7 @@ impl Server {
             "page.js",
             "camera.js",
             "film.js",
+            "drop.js",
             "facts",
             "poll",
             "film",
@@ -146,7 +167,7 @@ impl Server {
             "picture.exr",
             "look.json",
         ];
-        let post = ["set", "pick"];
+        let post = ["set", "pick", "open"];
         match request.method.as_str() {
             "GET" if get.contains(&path) => self.get(path, request),
             "POST" if post.contains(&path) => self.post(path, request),
@@ -170,6 +191,7 @@ impl Server {
             "page.js" => Answer::new(200, "text/javascript; charset=utf-8", SCRIPT),
             "camera.js" => Answer::new(200, "text/javascript; charset=utf-8", CAMERA),
             "film.js" => Answer::new(200, "text/javascript; charset=utf-8", FILM),
+            "drop.js" => Answer::new(200, "text/javascript; charset=utf-8", DROP),
             "facts" => Answer::json(200, &self.facts()),
             "poll" => self.poll(number("frame"), number("words")),
             "film" => self.film(number("film"), number("change")),
@@ -221,6 +243,27 @@ impl Server {
         let message: Message = serde_json::from_slice(&request.body).map_err(bad)?;
         let updated = self.hub.update(|options| options.after(message));
         updated.map_err(|fault| refusal(&fault))?;
+        Ok(Answer::json(200, &json!({ "ok": true })))
+    }
+
+    /// Opens files that were dropped onto a page. What was shown before stays if they cannot be read.
+    fn open(&self, request: &mut Request) -> Result<Answer, Answer> {
+        if request.content_type.as_deref() != Some("application/octet-stream") {
+            return Err(Answer::text(415, "files are application/octet-stream"));
+        }
+        let message = std::mem::take(&mut request.body);
+        let file = self.dropped.unpacked(&message);
+        drop(message);
+        let file = Arc::new(file.map_err(|fault| refusal(&fault))?);
+        let options = self.hub.lock().options.with_file(file.clone());
+        let options = options.map_err(|fault| refusal(&fault))?;
+        let open_scene = OpenScene::of(&options).map_err(|fault| refusal(&fault))?;
+        self.hub.change(|state| {
+            state.open_scene = Some(Arc::new(open_scene));
+            state.film = None;
+        });
+        let opened = self.hub.update(|options| options.with_file(file));
+        opened.map_err(|fault| refusal(&fault))?;
         Ok(Answer::json(200, &json!({ "ok": true })))
     }
 

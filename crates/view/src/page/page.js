@@ -764,6 +764,7 @@ const keys = {
   y: ["From the top; with Shift from below", () => viewAlong(1, 1), () => viewAlong(1, -1)],
   z: ["From the front; with Shift from behind", () => viewAlong(2, 1), () => viewAlong(2, -1)],
   t: ["Play the animations, and stop", () => toggle()],
+  o: ["Open a file", () => $("open").click()],
   m: ["Full screen, and back", () => $("full").click()],
   p: ["Larger pixels, and back", () => zoomTo(zoom >= 16 ? 1 : zoom * 4, null)],
   d: ["The next click sets the focus", () => $("pick-focus").click()],
