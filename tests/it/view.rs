@@ -211,7 +211,12 @@ fn view_refuses_whoever_may_not_ask() {
         assert!(page.head.contains(header), "{}", page.head);
     }
     // The page loads nothing from elsewhere.
-    for file in ["", "page.css", "page.js", "camera.js", "film.js", "drop.js"] {
+    let scripts = ["page", "camera", "pixel", "curve", "film", "drop"];
+    let scripts = scripts.map(|name| format!("{name}.js"));
+    for file in ["", "page.css"]
+        .into_iter()
+        .chain(scripts.iter().map(String::as_str))
+    {
         let text = viewer
             .get(file)
             .text()

@@ -29,12 +29,49 @@ use std::time::Duration;
 const POLL: Duration = Duration::from_secs(5);
 const MAX_WAITING: usize = 3;
 
-const PAGE: &str = include_str!("page/index.html");
-const STYLE: &str = include_str!("page/page.css");
-const SCRIPT: &str = include_str!("page/page.js");
-const CAMERA: &str = include_str!("page/camera.js");
-const FILM: &str = include_str!("page/film.js");
-const DROP: &str = include_str!("page/drop.js");
+/// Files of the page: name, kind, and contents.
+const FILES: [(&str, &str, &str); 8] = [
+    (
+        "",
+        "text/html; charset=utf-8",
+        include_str!("page/index.html"),
+    ),
+    (
+        "page.css",
+        "text/css; charset=utf-8",
+        include_str!("page/page.css"),
+    ),
+    (
+        "camera.js",
+        "text/javascript; charset=utf-8",
+        include_str!("page/camera.js"),
+    ),
+    (
+        "page.js",
+        "text/javascript; charset=utf-8",
+        include_str!("page/page.js"),
+    ),
+    (
+        "pixel.js",
+        "text/javascript; charset=utf-8",
+        include_str!("page/pixel.js"),
+    ),
+    (
+        "curve.js",
+        "text/javascript; charset=utf-8",
+        include_str!("page/curve.js"),
+    ),
+    (
+        "film.js",
+        "text/javascript; charset=utf-8",
+        include_str!("page/film.js"),
+    ),
+    (
+        "drop.js",
+        "text/javascript; charset=utf-8",
+        include_str!("page/drop.js"),
+    ),
+];
 
 /// State from which the server answers.
 pub(super) struct Server {
@@ -150,13 +187,13 @@ impl Server {
     }
 
     fn answer(&self, path: &str, request: &Request) -> Result<Answer, Answer> {
+        if let Some((_, kind, text)) = FILES.iter().find(|(name, ..)| *name == path) {
+            return match request.method.as_str() {
+                "GET" => Ok(Answer::new(200, kind, *text)),
+                _ => Err(Answer::text(405, "not a method of this page")),
+            };
+        }
         let get = [
-            "",
-            "page.css",
-            "page.js",
-            "camera.js",
-            "film.js",
-            "drop.js",
             "facts",
             "poll",
             "film",
@@ -186,12 +223,6 @@ impl Server {
                 .unwrap_or(0)
         };
         Ok(match path {
-            "" => Answer::new(200, "text/html; charset=utf-8", PAGE),
-            "page.css" => Answer::new(200, "text/css; charset=utf-8", STYLE),
-            "page.js" => Answer::new(200, "text/javascript; charset=utf-8", SCRIPT),
-            "camera.js" => Answer::new(200, "text/javascript; charset=utf-8", CAMERA),
-            "film.js" => Answer::new(200, "text/javascript; charset=utf-8", FILM),
-            "drop.js" => Answer::new(200, "text/javascript; charset=utf-8", DROP),
             "facts" => Answer::json(200, &self.facts()),
             "poll" => self.poll(number("frame"), number("words")),
             "film" => self.film(number("film"), number("change")),

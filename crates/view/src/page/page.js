@@ -307,7 +307,7 @@ $("divider").addEventListener("keydown", (event) => {
   place();
 });
 
-// ── values ──
+// ── words ──
 
 function short(x) {
   if (x === null || x === undefined) return "–";
@@ -316,196 +316,14 @@ function short(x) {
   if (size !== 0 && (size >= 1e5 || size < 1e-3)) return x.toExponential(2);
   return String(Number(x.toPrecision(3)));
 }
-const three = (v) => (v ? v.map(short).join(" ") : "–");
-
-// What the server knows of a pixel; null where it does not answer.
-async function asked(what, pixel) {
-  const answer = await fetch(`${what}?x=${pixel[0]}&y=${pixel[1]}`).catch(() => null);
-  return answer?.ok ? answer.json() : null;
-}
-
-const ask = latest(async (pixel) => {
-  // A frame that runs is not the picture whose values are known.
-  const value = pixel && !playing && (await asked("pixel", pixel));
-  if (!value) return;
-  const of = value.surface;
-  const rows = [["pixel", value.pixel.join(", ")], ["radiance", three(value.radiance)]];
-  if (value.other) rows.push(["other", three(value.other)]);
-  if (value.reference) rows.push(["reference", three(value.reference)]);
-  if (value.error !== null) rows.push(["error", short(value.error)]);
-  if (value.bias !== null) rows.push(["bias", short(value.bias)]);
-  if (value.level !== null) rows.push(["level", value.level]);
-  if (of?.object) rows.push(["object", of.object]);
-  if (of) rows.push(["material", of.material || "unnamed"], ["roughness α", short(of.alpha)], ["depth", short(of.depth)], ["normal", three(of.normal)]);
-  else rows.push(["surface", "none"]);
-  const list = $("pointer");
-  list.replaceChildren(...rows.map(([name, text]) => {
-    const row = document.createElement("div");
-    row.append(element("dt", name), element("dd", String(text)));
-    return row;
-  }));
-});
+const percent = (share) => `${Number((100 * share).toPrecision(2))} %`;
+const clock = (s) => (s < 90 ? `${Math.max(1, Math.round(s))} s` : s < 5400 ? `${Math.round(s / 60)} min` : s < 172800 ? `${Math.round(s / 3600)} h` : `${Math.round(s / 86400)} days`);
 
 function element(name, text, kind) {
   const made = document.createElement(name);
   if (text !== undefined) made.textContent = text;
   if (kind) made.className = kind;
   return made;
-}
-
-// ── paths ──
-
-const swatch = (rgb) => {
-  const shown = element("span", undefined, "swatch");
-  const gain = 2 ** (head?.exposure ?? 0);
-  const code = (x) => Math.round(255 * Math.min(1, Math.max(0, x * gain)) ** (1 / 2.2));
-  shown.style.background = `rgb(${rgb.map(code).join()})`;
-  return shown;
-};
-
-async function why(pixel) {
-  marked = pixel;
-  drawPath(null);
-  place();
-  const box = $("why");
-  const found = await asked("paths", pixel);
-  if (marked !== pixel || !found) return;
-  box.dataset.pixel = pixel.join();
-  const list = element("ol");
-  for (const path of found.paths) {
-    const item = described(path);
-    for (const name of ["pointerenter", "focusin"]) item.addEventListener(name, () => marked === pixel && drawPath(path));
-    list.append(item);
-  }
-  drawPath(found.paths[0]);
-  const text = `Pixel ${pixel.join(", ")}: ${found.lit} of ${found.samples} paths of the path tracer find light, mean ${three(found.mean)}. The brightest:`;
-  box.replaceChildren(element("p", text, "quiet"), list);
-  $("why-box").open = true;
-  $("why-box").scrollIntoView({ block: "nearest" });
-}
-
-// Draws the vertices of a path over the picture, up to the first behind the camera.
-function drawPath(path) {
-  const made = [], points = [];
-  for (const v of path?.vertices ?? []) {
-    const at = projected(v.position);
-    if (!at) break;
-    points.push(at.map((x) => (1000 * x).toFixed(1)).join());
-  }
-  if (points.length) {
-    for (const kind of ["under", "over"]) made.push(svg("polyline", { points: points.join(" "), class: kind, "vector-effect": "non-scaling-stroke" }));
-    // A dot is a line without length: it stays round.
-    for (const kind of ["under", "over"]) {
-      for (const p of points) made.push(svg("polyline", { points: `${p} ${p}`, class: `${kind} dot`, "vector-effect": "non-scaling-stroke" }));
-    }
-  }
-  $("path").replaceChildren(...made);
-}
-
-function unmark() {
-  if (!marked) return;
-  marked = null;
-  drawPath(null);
-  place();
-}
-
-function described(path) {
-  const item = element("li"), more = element("details"), line = element("summary");
-  const steps = path.vertices.map((v) => v.bsdf).join(" → ") || "nothing";
-  line.append(swatch(path.radiance), element("span", `${three(path.radiance)}`), element("span", steps, "quiet"));
-  more.append(line);
-  const table = element("table"), body = element("tbody");
-  const row = (...cells) => {
-    const made = element("tr");
-    cells.forEach((cell, i) => made.append(element(i ? "td" : "th", cell)));
-    body.append(made);
-  };
-  row("sample", `${path.sample}; ${three(path.emission)} straight from emitters`);
-  path.vertices.forEach((v, i) => {
-    const roughened = v.alpha_reg > v.alpha ? `α ${short(v.alpha)} → ${short(v.alpha_reg)}` : `α ${short(v.alpha)}`;
-    const lobe = v.lobe ? `goes on by ${v.lobe}` : "ends";
-    const kind = v.class === null ? "" : `, class ${v.class}`;
-    row(`${i + 1} ${v.bsdf}`, `${v.material || "unnamed"}${v.mesh ? ` (mesh ${v.mesh})` : ""}, ${roughened}${kind}, throughput ${three(v.throughput)}, light ${three(v.light)}, ${lobe}, ${short(v.distance)} from the last`);
-  });
-  table.append(body);
-  more.append(table);
-  item.append(more);
-  return item;
-}
-
-// ── curve ──
-
-// Error ~ a t^b by least squares over the later half of the points, with b between -1 and 0.
-function trend(points) {
-  const late = points.slice(Math.floor(points.length / 2)).map(([t, , e]) => [Math.log(t), Math.log(e)]);
-  if (late.length < 3) return null;
-  const mean = (i) => late.reduce((sum, p) => sum + p[i], 0) / late.length;
-  const [mx, my] = [mean(0), mean(1)];
-  const xx = late.reduce((sum, p) => sum + (p[0] - mx) ** 2, 0);
-  if (xx < 0.02) return { slope: -0.5, at: my + 0.5 * mx };
-  const xy = late.reduce((sum, p) => sum + (p[0] - mx) * (p[1] - my), 0);
-  const slope = Math.min(-0.05, Math.max(-1, xy / xx));
-  return { slope, at: my - slope * mx };
-}
-
-const percent = (share) => `${Number((100 * share).toPrecision(2))} %`;
-const clock = (s) => (s < 90 ? `${Math.max(1, Math.round(s))} s` : s < 5400 ? `${Math.round(s / 60)} min` : s < 172800 ? `${Math.round(s / 3600)} h` : `${Math.round(s / 86400)} days`);
-
-function curve() {
-  const sides = [state.course, state.other_course].map((c) => c.curve.filter(([t, , e]) => t > 0 && e > 0));
-  const all = sides.flat(), goal = state.options.target_error;
-  const fit = trend(sides[0]);
-  if (all.length < 2) {
-    $("curve").replaceChildren();
-    $("forecast").textContent = state.error ? `Average error ${percent(state.error)}.` : "No estimate yet.";
-    return;
-  }
-  const times = all.map((p) => p[0]), errors = all.map((p) => p[2]).concat(goal || []);
-  let [t0, t1] = [Math.min(...times), Math.max(...times) * 2];
-  let [e0, e1] = [Math.min(...errors) * 0.8, Math.max(...errors) * 1.25];
-  const x = (t) => 34 + (258 * Math.log(t / t0)) / Math.log(t1 / t0);
-  const y = (e) => 8 + (100 * Math.log(e1 / e)) / Math.log(e1 / e0);
-  const made = [];
-  const draw = (name, of, text) => {
-    made.push(svg(name, of, text));
-  };
-  const ticks = (low, high, of) => {
-    let found = [];
-    for (let k = Math.floor(Math.log10(low)); k <= Math.ceil(Math.log10(high)); k++) {
-      for (const m of of) found.push(m * 10 ** k);
-    }
-    return found.filter((v) => v >= low && v <= high);
-  };
-  const thin = (low, high) => (high / low > 60 ? [1] : high / low > 8 ? [1, 3] : [1, 2, 3, 5, 7]);
-  for (const e of ticks(e0, e1, thin(e0, e1))) {
-    draw("line", { class: "grid", x1: 34, x2: 292, y1: y(e), y2: y(e) });
-    draw("text", { x: 30, y: y(e) + 3, "text-anchor": "end" }, short(e));
-  }
-  for (const t of ticks(t0, t1, thin(t0, t1))) {
-    draw("line", { class: "grid", x1: x(t), x2: x(t), y1: 8, y2: 108 });
-    draw("text", { x: x(t), y: 121, "text-anchor": "middle" }, `${short(t)} s`);
-  }
-  sides.forEach((points, side) => {
-    const line = points.map(([t, , e]) => `${x(t).toFixed(1)},${y(e).toFixed(1)}`).join(" ");
-    if (points.length) draw("polyline", { class: side ? "b" : "a", points: line });
-  });
-  if (goal) draw("line", { class: "goal", x1: 34, x2: 292, y1: y(goal), y2: y(goal) });
-  if (fit) {
-    const last = sides[0].at(-1), end = Math.exp(fit.at + fit.slope * Math.log(t1));
-    draw("line", { class: "ahead", x1: x(last[0]), y1: y(last[2]), x2: x(t1), y2: Math.min(108, y(end)) });
-  }
-  $("curve").replaceChildren(...made);
-  $("forecast").textContent = forecast(fit, goal);
-}
-
-function forecast(fit, goal) {
-  const { seconds } = state.course;
-  const now = state.error ? `Average error ${percent(state.error)}` : "";
-  const until = (error) => Math.exp((Math.log(error) - fit.at) / fit.slope) - seconds;
-  if (!fit || !state.error) return now ? `${now}.` : "No estimate yet.";
-  if (goal && state.error <= goal) return `${now}: the target is reached.`;
-  const aim = goal || state.error / 2;
-  return `${now}. ${percent(aim)} is expected in about ${clock(until(aim))}.`;
 }
 
 // ── controls ──
