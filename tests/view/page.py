@@ -394,6 +394,7 @@ def played(browser, opsr, folder):
         done(page)
         rest = picture(page)
         assert page.locator("#time").is_visible() and page.locator("#seconds").inner_text() == "at rest"
+        looks(page, "a file with animations", 900, None)
         another(page, lambda: page.locator("#moment").fill("24"))
         assert page.evaluate("state.options.at") == "24@24"
         assert page.get_attribute("#moment", "aria-valuetext") == page.locator("#seconds").inner_text() == "1.00 of 2.00 s"
@@ -474,11 +475,14 @@ def opened(browser, opsr, folder):
         another(page, lambda: chooser.value.set_files(str(first)))
         assert (picture(page) == before).all(), "the same file is another picture"
         assert page.evaluate("facts.seconds") == 0 and page.locator("#time").is_hidden()
+        kept = pathlib.Path(page.evaluate("state.scene"))
+        assert kept.exists() and kept.name == "first.glb"
     finally:
         for page in pages:
             page.close()
         viewer.send_signal(2)
         assert viewer.wait(10) == 0
+    assert not kept.parent.parent.exists(), f"{kept} stays"
 
 
 def broken(browser, opsr, folder, shots):
