@@ -78,7 +78,7 @@ const MATCHED: f32 = 5e-4;
 
 /// True for a ratio of indices so close to 1 that the interface is invisible.
 #[inline]
-pub fn is_matched(eta: f32) -> bool {
+pub(crate) fn is_matched(eta: f32) -> bool {
     (eta - 1.0).abs() < MATCHED
 }
 
