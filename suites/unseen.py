@@ -267,6 +267,7 @@ SUITES = {"small": ((64, 48), [0.5, 2.0], 2), "frames": ((256, 192), [6.0], 1), 
 DENOISED = """[[method]]
 name = "plain, denoised"
 denoise = true
+sampler = "sobol"
 
 [[method]]
 name = "auto"

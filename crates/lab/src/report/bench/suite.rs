@@ -157,7 +157,9 @@ impl MethodSpec {
         if spec.levels.is_none() {
             spec.resolve.get_or_insert(ResolveChoice::Raw);
         }
-        if matches!(spec.kind(), IntegratorKind::Path | IntegratorKind::Manifold) {
+        // Guided paths and chains draw no Sobol points, and a choice is that of a user.
+        use IntegratorKind::{Auto, Guided, Mlt};
+        if !matches!(spec.kind(), Auto | Guided | Mlt) {
             spec.sampler.get_or_insert(SamplerKind::Independent);
         }
         (spec.max_vertices, spec.seed) = (Some(max_vertices), Some(seed));
