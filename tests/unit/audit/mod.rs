@@ -20,7 +20,7 @@ use super::{Bidirectional, Strategies};
 use crate::bsdf::Bsdf;
 use crate::integrator::View;
 use crate::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
-use crate::sampler::{LightU, SampleSource, Sampler};
+use crate::sampler::{LightU, Sampler};
 use crate::scene::Surface;
 use std::collections::BTreeMap;
 
