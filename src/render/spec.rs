@@ -341,7 +341,7 @@ options! {
     /// included, such as 0,3 (a light that the camera meets), 1,2 (light sampling) or 3,1 (light tracing); or `merges` of
     /// vcm. The pictures of all strategies add up to the whole.
     strategy: Strategy, Research { value: "S,T|merges", excludes: &["table"], of: &[Bdpt, Vcm] }
-    /// Random numbers of paths, but of guided and mlt; independent in a suite that does not say.
+    /// Random numbers of paths; those of guided and mlt are independent, and all in a suite that does not say.
     sampler: SamplerKind, Research { value: "KIND", default: Some("sobol"), of: &[Path, Manifold, Light, Bdpt, Vcm, Sppm, Auto] }
 
     /// Add layers to EXR files; by default albedo, normal, depth. `each-level` adds every level as a layer `level0`, `level1` and so on.

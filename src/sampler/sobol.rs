@@ -1,7 +1,8 @@
 //! Owen-scrambled Sobol points for camera paths and light paths.
 //!
-//! The numbers of a path come in sets of four: film and lens, or direction and point of emission; then, for each of the first
-//! vertices, those that sample a light, and those that sample the BSDF; and the choice of an emitting light and its side. A set is the first four dimensions of the Sobol sequence (direction numbers of
+//! The numbers of a path come in sets of four: film and lens, or direction and point of emission; then, for each of the
+//! first vertices, those that sample a light, and those that sample the BSDF. A light path has one more for the choice of its
+//! light and side. A set is the first four dimensions of the Sobol sequence (direction numbers of
 //! Joe, Kuo: *Constructing Sobol Sequences with Better Two-Dimensional Projections*, 2008), in an order of its own
 //! and scrambled on its own `[Burley20]`. Pairs that cover an area, such as
 //! the point on a light, are its first two dimensions, of which every aligned run of 2^m samples has one point in every

@@ -212,8 +212,8 @@ fn foreign_broken_files_are_named_with_their_line() {
         ),
         ("<wrong/>", "line 2: <wrong> is no element of Mitsuba"),
         (
-            "<sensor type=\"perspective\"/>",
-            "line 2: has neither fov nor focal_length",
+            "<sensor type=\"perspective\"><string name=\"focal_length\" value=\"far\"/></sensor>",
+            "line 2: focal_length is no length",
         ),
     ] {
         let text = message("a.xml", &scene(inner));

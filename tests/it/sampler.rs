@@ -71,12 +71,13 @@ fn agreement_of_sobol_and_independent_samples() {
 }
 
 /// Estimators with light paths, with the films that they keep by default.
-fn with_light_paths(sampler: SamplerKind, seed: u64) -> [Settings; 3] {
+fn with_light_paths(sampler: SamplerKind, seed: u64) -> [Settings; 4] {
     let radius = Radius::default();
     [
         Estimator::Bdpt,
         Estimator::Vcm(radius),
         Estimator::Sppm(radius),
+        Estimator::Light,
     ]
     .map(|estimator| {
         let raw = Settings {
@@ -143,7 +144,7 @@ fn variance_between_batches_of_sobol_samples_is_honest() {
         rule: Rule::constant(0.2),
         ..settings(SamplerKind::Sobol, 9)
     };
-    let [bdpt, vcm, _] = with_light_paths(SamplerKind::Sobol, 9);
+    let [bdpt, vcm, ..] = with_light_paths(SamplerKind::Sobol, 9);
     for settings in [levels, bdpt, vcm] {
         let [between, bound] = stated_variances(&settings);
         let estimator = settings.estimator;

@@ -61,9 +61,12 @@ pub(super) fn read(
     place: &str,
 ) -> Result<Mesh> {
     let curves = match bytes.strip_prefix(b"BINARY_HAIR") {
-        Some(rest) => binary(rest, radius),
+        Some(rest) => binary(rest, radius, place)?,
         None => lines(bytes, radius, place)?,
     };
+    if curves.is_empty() {
+        return Err(fault(place, "has no curves"));
+    }
     let points: usize = curves.iter().map(Vec::len).sum();
     let bytes = shapes::TUBE_BYTES * points as u64;
     opsr::memory::check(format!("{place}: {points} points of curves"), bytes)?;
@@ -77,12 +80,15 @@ pub(super) fn read(
             _ => (curve.len() > 1).then(|| curve.iter().map(|p| (*p, 0.0)).collect()),
         };
         let along = along.ok_or_else(|| {
-            let what = format!("curve {k} has {} points", curve.len());
+            let what = format!("curve {k} has too few points, {}", curve.len());
             fault(place, what)
         })?;
         let tube: Vec<(Vec3, f32)> = along.iter().map(|(p, _)| (p.truncate(), p.w)).collect();
         if tube.iter().any(|(p, r)| !p.is_finite() || !r.is_finite()) {
             return Err(fault(place, format!("curve {k} is not finite")));
+        }
+        if tube.iter().any(|(_, r)| *r < 0.0) {
+            return Err(fault(place, format!("curve {k} has a negative radius")));
         }
         shapes::append(&mut mesh, &shapes::tube(&tube));
     }
@@ -115,10 +121,14 @@ fn lines(bytes: &[u8], radius: f32, place: &str) -> Result<Vec<Vec<Vec4>>> {
     Ok(curves)
 }
 
-/// Hair of Mitsuba 0.6: a count, and numbers of three each; an infinite one begins a strand.
-fn binary(bytes: &[u8], radius: f32) -> Vec<Vec<Vec4>> {
-    let mut numbers =
-        (bytes.chunks_exact(4).skip(1)).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+/// Hair of Mitsuba 0.6: the number of points, and three numbers of each; an infinite one begins a strand.
+fn binary(bytes: &[u8], radius: f32, place: &str) -> Result<Vec<Vec<Vec4>>> {
+    let (words, rest) = bytes.as_chunks::<4>();
+    let Some((count, numbers)) = words.split_first() else {
+        return Err(fault(place, "ends before its points"));
+    };
+    let mut numbers = numbers.iter().map(|b| f32::from_le_bytes(*b));
+    let (count, mut points) = (u32::from_le_bytes(*count), 0);
     let mut curves = vec![Vec::new()];
     while let Some(mut x) = numbers.next() {
         if x.is_infinite() {
@@ -126,12 +136,17 @@ fn binary(bytes: &[u8], radius: f32) -> Vec<Vec<Vec4>> {
             x = numbers.next().unwrap_or(f32::NAN);
         }
         let (Some(y), Some(z)) = (numbers.next(), numbers.next()) else {
-            break;
+            return Err(fault(place, "ends within a point"));
         };
+        points += 1;
         if let Some(curve) = curves.last_mut() {
             curve.push(Vec4::new(x, y, z, radius));
         }
     }
+    if points != count || !rest.is_empty() {
+        let what = format!("has {points} points and says {count}");
+        return Err(fault(place, what));
+    }
     curves.retain(|curve: &Vec<Vec4>| !curve.is_empty());
-    curves
+    Ok(curves)
 }

@@ -565,17 +565,63 @@ fn foreign_hair_is_tubes_of_its_colour() {
     }
     for (curves, words) in [
         ("0 0 0 0.1\n0 0 1\n1 2\n", "line 3: is no point"),
-        ("0 0 0 1\n", "curve 0 has 1 points"),
+        ("0 0 0 1\n", "curve 0 has too few points, 1"),
         ("0 0 0 nan\n0 0 1 1", "curve 0 is not finite"),
+        ("0 0 0 1\n0 0 1 -1", "curve 0 has a negative radius"),
+        ("\n\n", "has no curves"),
     ] {
-        let text = xml(&format!("<shape type=\"linearcurve\">{file}</shape>"));
-        let said = with_files(
-            "a.xml",
-            &text,
-            &[("c.txt", curves.into())],
-            Unsupported::Nearest,
+        let said = refused("linearcurve", curves.as_bytes());
+        assert!(said.contains(words), "{said}");
+    }
+    let head = |count: u32| [b"BINARY_HAIR".as_slice(), &count.to_le_bytes()].concat();
+    let point = [0u8; 12];
+    for (bytes, words) in [
+        (b"BINARY_HAIR".to_vec(), "ends before its points"),
+        (head(0), "has no curves"),
+        (
+            [head(2), point.to_vec()].concat(),
+            "has 1 points and says 2",
+        ),
+        (
+            [head(1), point[1..].to_vec()].concat(),
+            "ends within a point",
+        ),
+        (
+            [head(1), point.to_vec(), vec![0]].concat(),
+            "has 1 points and says 1",
+        ),
+    ] {
+        let said = refused("hair", &bytes);
+        assert!(said.contains(words), "{said}");
+    }
+}
+
+/// The error of curves of this file.
+fn refused(plugin: &str, curves: &[u8]) -> String {
+    let file = "<string name=\"filename\" value=\"c.txt\"/>";
+    let text = xml(&format!("<shape type=\"{plugin}\">{file}</shape>"));
+    let files = [("c.txt", curves.to_vec())];
+    let read = with_files("a.xml", &text, &files, Unsupported::Nearest);
+    read.expect_err("an error")
+}
+
+/// Cameras whose pictures have no finite size.
+#[test]
+fn foreign_pictures_without_a_size_are_refused() {
+    let wide = "\"float screenwindow\" [ 1e300 1.1e300 0 1e299 ]";
+    for (film, camera, words) in [
+        ("\"float diagonal\" 0", "", "a diagonal of 0 mm"),
+        ("\"float diagonal\" -35", "", "a diagonal of -35 mm"),
+        (
+            "\"integer xresolution\" 100 \"integer yresolution\" 100",
+            wide,
+            "no picture of a finite size",
+        ),
+    ] {
+        let text = format!(
+            "Film \"rgb\" {film}\nCamera \"perspective\" {camera}\nWorldBegin\nShape \"sphere\""
         );
-        let said = said.expect_err("an error");
+        let said = message("a.pbrt", &text);
         assert!(said.contains(words), "{said}");
     }
 }

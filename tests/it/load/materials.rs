@@ -441,7 +441,7 @@ fn load_punctual_lights() {
 
 #[test]
 fn load_cameras() {
-    let mut file = File::new();
+    let mut file = File::triangle();
     let lens = json!({ "yfov": 1.2, "znear": 0.1, "aspectRatio": 1.5 });
     let flat = json!({ "xmag": 3, "ymag": 2, "znear": 0, "zfar": 9 });
     file.json["cameras"] = json!([
@@ -454,6 +454,7 @@ fn load_cameras() {
         { "camera": 1, "translation": [1, 2, 3], "rotation": [0, h, 0, h], "scale": [2, 5, 3] },
         { "camera": 0, "scale": [-1, 1, 1] },
         { "camera": 1, "name": "second" },
+        { "mesh": 0 },
     ]);
     let cameras = file.loaded().parts.cameras;
     let names: Vec<&str> = cameras.iter().map(|c| c.name.as_str()).collect();
@@ -473,6 +474,12 @@ fn load_cameras() {
             "{ray:?}"
         );
         assert_eq!(mirrored.aspect, Some(1.5));
+        // Files that are written keep it.
+        let written = glb::to_glb(&file.loaded().parts).expect("a small file");
+        let parts = File::from_glb(&written).loaded().parts;
+        let again = parts.cameras.iter().find(|camera| camera.name == "plan");
+        let ray = again.expect("a camera").ray(Vec2::new(1.0, 0.0), 1.5);
+        assert!(close(ray.origin, origin), "{ray:?}");
     }
     let turned = &cameras[1];
     assert!(

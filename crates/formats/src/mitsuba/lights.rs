@@ -276,17 +276,20 @@ impl Scene<'_> {
     fn fov(&mut self, sensor: &Object, aspect: f32) -> Result<f32> {
         let place = &sensor.place;
         let aspect = f64::from(aspect);
-        if let Some(Value::Text(focal)) = sensor.property("focal_length").map(|p| &p.value) {
-            let number: Option<f64> = focal.trim().trim_end_matches("mm").trim().parse().ok();
-            let focal = number
-                .filter(|f| *f > 0.0)
-                .ok_or_else(|| fault(place, "focal_length is no length"))?;
+        let focal = sensor.property("focal_length").map(|p| &p.value);
+        let focal = match focal {
+            Some(Value::Text(focal)) => {
+                let number: Option<f64> = focal.trim().trim_end_matches("mm").trim().parse().ok();
+                let length = number.filter(|f| *f > 0.0);
+                Some(length.ok_or_else(|| fault(place, "focal_length is no length"))?)
+            }
+            // Mitsuba's default.
+            _ => sensor.property("fov").is_none().then_some(50.0),
+        };
+        if let Some(focal) = focal {
             // The diagonal of a film of 36 by 24 mm.
             let half_diagonal = 0.5 * 36f64.hypot(24.0) / focal;
             return Ok((half_diagonal / aspect.hypot(1.0)) as f32);
-        }
-        if sensor.property("fov").is_none() {
-            return Err(fault(place, "has neither fov nor focal_length"));
         }
         let fov = sensor.number("fov", 0.0)?;
         if !(0.0 < fov && fov < 180.0) {

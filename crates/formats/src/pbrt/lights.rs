@@ -227,6 +227,10 @@ impl Scene<'_> {
             Some(film) => film.number("diagonal", 35.0)?,
             None => 35.0,
         };
+        if !(diagonal > 0.0 && diagonal.is_finite()) {
+            let what = format!("the film has a diagonal of {diagonal} mm");
+            return Err(fault(place, what));
+        }
         let film = self.film_size()?;
         let pose = affine(&matrix, place)?;
         let own = f64::from(film.size.x) / f64::from(film.size.y);
@@ -279,6 +283,14 @@ impl Scene<'_> {
             }
             other => return self.context.left_out(place, format!("camera `{other}`")),
         };
+        let (Projection::Perspective { tan_half_y: height }
+        | Projection::Orthographic {
+            half_height: height,
+        }) = projection;
+        let shift = shift.as_vec2();
+        if !(height > 0.0 && height.is_finite() && shift.is_finite()) {
+            return Err(fault(place, "has no picture of a finite size"));
+        }
         let [radius, focus] = match realistic {
             None => [
                 parameters.number("lensradius", 0.0)?,
@@ -307,7 +319,7 @@ impl Scene<'_> {
                 n: n.as_vec3(),
             },
             projection,
-            shift: shift.as_vec2(),
+            shift,
             aspect: Some(own as f32),
             lens: (radius > 0.0 && focus > 0.0).then_some(Lens { radius, focus }),
             film: Some(film),
@@ -346,7 +358,7 @@ impl Scene<'_> {
             height += thickness * slope;
         }
         let focal = -1.0 / slope;
-        match focal > 0.0 && focal.is_finite() && pupil.is_finite() {
+        match (1e-3..1e6).contains(&focal) && pupil.is_finite() {
             true => Ok([focal, pupil]),
             false => Err(bad()),
         }

@@ -144,6 +144,9 @@ fn punctual(light: &PunctualLight) -> (Value, Value) {
 
 fn camera(camera: &Camera) -> Value {
     let aspect = camera.aspect;
+    // A node has an upright frame, so that a mirrored one is in the magnification.
+    let Frame { s, t, n } = camera.frame;
+    let mirrored = s.dot(t.cross(n)).signum();
     match camera.projection {
         Projection::Perspective { tan_half_y } => {
             let mut lens =
@@ -157,7 +160,7 @@ fn camera(camera: &Camera) -> Value {
             "name": camera.name,
             "type": "orthographic",
             "orthographic": {
-                "xmag": number(half_height * aspect.unwrap_or(1.0)),
+                "xmag": number(mirrored * half_height * aspect.unwrap_or(1.0)),
                 "ymag": number(half_height),
                 "znear": number(0.001),
                 "zfar": number(1000.0),
