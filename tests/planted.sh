@@ -326,7 +326,7 @@ plant "studio: the floor moves with the objects" src/render/open.rs \
 plant "view: the camera turns at the depth of the floor" crates/view/src/work.rs \
     's/\(!is_floor\)\.then/(true || is_floor).then/' view::view_knows_the_objects_of_a_studio
 plant "view: pictures of fewer pixels are raw" crates/view/src/young.rs \
-    's/= settings\(request, viewpoint\);/= Settings { amounts: Amounts::Raw, ..settings(request, viewpoint) };/' \
+    's/= settings\(request, &viewpoint\.settings\);/= Settings { amounts: Amounts::Raw, ..settings(request, &viewpoint.settings) };/' \
     viewer::work::tests::young_pictures_are_resolved
 plant "view: one sample of a whole frame is shown" crates/view/src/work.rs \
     's/run\.samples > 1 && due/due/' viewer::work::tests::first_sample_of_a_frame_waits_for_the_second
