@@ -221,7 +221,7 @@ impl Field for CameraChoice {
         let numbers = |text: &str| text.split(',').all(|x| x.trim().parse::<f32>().is_ok());
         match text.contains(',') && numbers(&text) {
             true => {
-                Err("expected ten numbers: position, target, up, field of view in degrees, and two of a shift".into())
+                Err("expected ten numbers: position, target, up and field of view in degrees; or twelve, with a shift".into())
             }
             false => Ok(Self::Named(text)),
         }
