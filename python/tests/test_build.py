@@ -106,7 +106,7 @@ def test_foreign_scenes_are_loaded(tmp_path):
     path.write_text('<scene version="3.0.0"><shape type="sphere"><bsdf type="hair"/></shape></scene>')
     with pytest.raises(ValueError, match="line 1: bsdf `hair`"):
         opsr.Scene.load(path, unsupported="error")
-    with pytest.warns(UserWarning, match="`hair` is not supported: shown as a grey diffuse surface"):
+    with pytest.warns(UserWarning, match="`hair` is not supported: shown as a glossy surface of its colour"):
         opsr.Scene.load(path)
     path.write_text('<scene version="3.0.0"><shape type="heightfield"/></scene>')
     with pytest.raises(ValueError, match="line 1: shape `heightfield`"):

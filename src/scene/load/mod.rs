@@ -319,12 +319,14 @@ struct Head {
 
 /// The parts of a mesh whose unknown words [`Root`] does not keep.
 #[derive(serde::Deserialize)]
+#[serde(rename = "Mesh")]
 struct HeadMesh {
     #[serde(default)]
     primitives: Vec<HeadPrimitive>,
 }
 
 #[derive(serde::Deserialize)]
+#[serde(rename = "Primitive")]
 struct HeadPrimitive {
     /// Attributes of morph targets.
     #[serde(default)]
