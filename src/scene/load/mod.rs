@@ -319,14 +319,14 @@ struct Head {
 
 /// The parts of a mesh whose unknown words [`Root`] does not keep.
 #[derive(serde::Deserialize)]
-#[serde(rename = "Mesh")]
+#[serde(expecting = "struct Mesh")]
 struct HeadMesh {
     #[serde(default)]
     primitives: Vec<HeadPrimitive>,
 }
 
 #[derive(serde::Deserialize)]
-#[serde(rename = "Primitive")]
+#[serde(expecting = "struct Primitive")]
 struct HeadPrimitive {
     /// Attributes of morph targets.
     #[serde(default)]
