@@ -403,6 +403,29 @@ fn view_refuses_messages_that_are_too_long_or_wrong() {
     assert_eq!(before["state"]["run"], after["state"]["run"]);
 }
 
+/// The size and the picture of a render with these options, without the viewer.
+fn rendered(viewer: &Running, asked: &Spec) -> ([u32; 2], opsr::image::Buffer) {
+    let opened = asked.open(&viewer.scene, opsr_formats::FORMATS, Scene::new);
+    let opened = opened.expect("a scene");
+    let subject = Subject {
+        scene: &opened.scene,
+        name: "",
+        sha256: "",
+        in_studio: false,
+    };
+    let request = Request::new(asked, subject, None).expect("a request");
+    let frame = request.frame.to_array();
+    let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
+    let (request, output) = run(request, go_on).expect("a render");
+    (frame, request.spec.shown(&output.picture))
+}
+
+/// Red, green and blue of the pixels of a page.
+fn colours(pixels: &[u8]) -> Vec<u8> {
+    let pixels = pixels.chunks_exact(4);
+    pixels.flat_map(|p| &p[..3]).copied().collect()
+}
+
 /// The picture on the page, turned and with another method, is that of a render of the saved view: the same bits in the file,
 /// the same bytes on the page.
 #[test]
@@ -432,20 +455,8 @@ fn view_picture_is_that_of_a_render_with_the_saved_view() {
 
         let mut asked = spec(choices);
         asked.camera = Some(CameraChoice::File(saved));
-        let opened = asked
-            .open(&viewer.scene, opsr_formats::FORMATS, Scene::new)
-            .expect("a scene");
-        let subject = Subject {
-            scene: &opened.scene,
-            name: "",
-            sha256: "",
-            in_studio: false,
-        };
-        let request = Request::new(&asked, subject, None).expect("a request");
-        assert_eq!(request.frame.to_array(), [24, 16]);
-        let (request, output) =
-            run(request, &mut |_, _| ControlFlow::Continue(())).expect("a render");
-        let rendered = request.spec.shown(&output.picture);
+        let (frame, rendered) = rendered(&viewer, &asked);
+        assert_eq!(frame, [24, 16]);
         let bits = |picture: &opsr::image::Buffer| -> Vec<[u32; 3]> {
             picture
                 .pixels
@@ -462,10 +473,7 @@ fn view_picture_is_that_of_a_render_with_the_saved_view() {
         assert_eq!(head["picture"]["samples"], 8);
         let expected = opsr::image::png::encode(&rendered, 0.5).expect("a PNG file");
         assert!(png == expected, "{choices:?}");
-        let on_page: Vec<u8> = pixels
-            .chunks_exact(4)
-            .flat_map(|p| p[..3].to_vec())
-            .collect();
+        let on_page = colours(&pixels);
         let display = |p| opsr::image::png::display(p, 0.5.into());
         let written: Vec<u8> = rendered.pixels.iter().flat_map(|&p| display(p)).collect();
         assert!(on_page == written, "{choices:?}");

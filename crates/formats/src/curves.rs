@@ -60,10 +60,11 @@ pub(super) fn read(
     to_world: impl Fn(Vec3) -> Vec3,
     place: &str,
 ) -> Result<Mesh> {
-    let curves = match bytes.strip_prefix(b"BINARY_HAIR") {
+    let mut curves = match bytes.strip_prefix(b"BINARY_HAIR") {
         Some(rest) => binary(rest, radius, place)?,
         None => lines(bytes, radius, place)?,
     };
+    curves.retain(|curve| !curve.is_empty());
     if curves.is_empty() {
         return Err(fault(place, "has no curves"));
     }
@@ -96,28 +97,20 @@ pub(super) fn read(
 }
 
 fn lines(bytes: &[u8], radius: f32, place: &str) -> Result<Vec<Vec<Vec4>>> {
-    let mut curves = vec![Vec::new()];
+    let (mut curves, mut curve) = (Vec::new(), Vec::new());
     for (n, line) in String::from_utf8_lossy(bytes).lines().enumerate() {
         let numbers: Option<Vec<f32>> = line.split_whitespace().map(|w| w.parse().ok()).collect();
         match numbers.as_deref() {
-            Some([]) => curves.push(Vec::new()),
-            Some(&[x, y, z]) => curves
-                .last_mut()
-                .unwrap_or(&mut Vec::new())
-                .push(Vec4::new(x, y, z, radius)),
-            Some(&[x, y, z, r]) => curves
-                .last_mut()
-                .unwrap_or(&mut Vec::new())
-                .push(Vec4::new(x, y, z, r)),
+            Some([]) => curves.push(std::mem::take(&mut curve)),
+            Some(&[x, y, z]) => curve.push(Vec4::new(x, y, z, radius)),
+            Some(&[x, y, z, r]) => curve.push(Vec4::new(x, y, z, r)),
             _ => {
-                return Err(fault(
-                    format!("{place}: line {}", n + 1),
-                    "is no point of a curve",
-                ));
+                let line = format!("{place}: line {}", n + 1);
+                return Err(fault(line, "is no point of a curve"));
             }
         }
     }
-    curves.retain(|curve| !curve.is_empty());
+    curves.push(curve);
     Ok(curves)
 }
 
@@ -129,24 +122,22 @@ fn binary(bytes: &[u8], radius: f32, place: &str) -> Result<Vec<Vec<Vec4>>> {
     };
     let mut numbers = numbers.iter().map(|b| f32::from_le_bytes(*b));
     let (count, mut points) = (u32::from_le_bytes(*count), 0);
-    let mut curves = vec![Vec::new()];
+    let (mut curves, mut curve) = (Vec::new(), Vec::new());
     while let Some(mut x) = numbers.next() {
         if x.is_infinite() {
-            curves.push(Vec::new());
+            curves.push(std::mem::take(&mut curve));
             x = numbers.next().unwrap_or(f32::NAN);
         }
         let (Some(y), Some(z)) = (numbers.next(), numbers.next()) else {
             return Err(fault(place, "ends within a point"));
         };
         points += 1;
-        if let Some(curve) = curves.last_mut() {
-            curve.push(Vec4::new(x, y, z, radius));
-        }
+        curve.push(Vec4::new(x, y, z, radius));
     }
     if points != count || !rest.is_empty() {
         let what = format!("has {points} points and says {count}");
         return Err(fault(place, what));
     }
-    curves.retain(|curve: &Vec<Vec4>| !curve.is_empty());
+    curves.push(curve);
     Ok(curves)
 }

@@ -117,10 +117,8 @@ impl Film {
     /// The frame that is missing and that a clock reaches first, from these seconds on.
     pub(super) fn first_missing(&self, from: f64) -> Option<usize> {
         let from = (from * self.rate).rem_euclid(self.len() as f64).ceil() as usize;
-        let around = (0..self.len()).map(|i| (from + i) % self.len());
-        around
-            .into_iter()
-            .find(|number| self.stills[*number].1.is_none())
+        let mut around = (0..self.len()).map(|i| (from + i) % self.len());
+        around.find(|number| self.stills[*number].1.is_none())
     }
 
     /// The first frame of an earlier round than this one.

@@ -165,21 +165,21 @@ fn inside(name: &str, place: &str) -> Result<PathBuf> {
             format!("`{name}`: only relative files and data URIs are read"),
         ));
     }
-    let outside =
-        format!("`{name}` leaves the scene's folder: only files in it and below are read");
+    let outside = || {
+        let what = "leaves the scene's folder: only files in it and below are read";
+        fault(place, format!("`{name}` {what}"))
+    };
     let mut path = PathBuf::new();
     for part in name.split(['/', '\\']) {
         match part {
             "" | "." => {}
             ".." if path.pop() => {}
-            ".." => {
-                return Err(fault(place, outside));
-            }
+            ".." => return Err(outside()),
             part => path.push(part),
         }
     }
     if name.starts_with(['/', '\\']) {
-        return Err(fault(place, outside));
+        return Err(outside());
     }
     if path.as_os_str().is_empty() || name.contains('\0') {
         return Err(fault(place, format!("`{name}` names no file")));

@@ -1,15 +1,11 @@
 //! Animations that run on the page: each frame is the render of its moment, and better ones take its place.
 
-use super::{Running, spec};
+use super::{Running, colours, spec};
 use crate::support::gltf::File;
-use opsr::image::Buffer;
 use opsr::image::png::display;
-use opsr::render::{Request, Subject, run};
-use opsr::scene::Scene;
 use opsr_lab::gallery::{self, glb};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 const FRAMES: usize = 6;
@@ -86,28 +82,9 @@ fn rendered(viewer: &Running, frame: u64, samples: u32, method: &str, size: &Val
         ("size", size),
     ];
     let asked = spec(&[&choices[..], &[("integrator", json!(method))]].concat());
-    let opened = asked.open(&viewer.scene, opsr_formats::FORMATS, Scene::new);
-    let opened = opened.expect("a scene");
-    let subject = Subject {
-        scene: &opened.scene,
-        name: "",
-        sha256: "",
-        in_studio: false,
-    };
-    let request = Request::new(&asked, subject, None).expect("a request");
-    let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
-    let (request, output) = run(request, go_on).expect("a render");
-    let picture: Buffer = request.spec.shown(&output.picture);
+    let (_, picture) = super::rendered(viewer, &asked);
     let pixels = picture.pixels.iter();
     pixels.flat_map(|&p| display(p, 0.5.into())).collect()
-}
-
-fn colours(pixels: &[u8]) -> Vec<u8> {
-    pixels
-        .chunks_exact(4)
-        .flat_map(|p| &p[..3])
-        .copied()
-        .collect()
 }
 
 fn difference(a: &[u8], b: &[u8]) -> u64 {
