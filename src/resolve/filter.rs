@@ -14,8 +14,8 @@ where
     boxed(size, radius, values);
 }
 
-/// Mean over the square of radius `radius`, from 1 to 4, around every pixel, in place.
-fn boxed<T>(size: Size, radius: usize, values: &mut [T])
+/// Mean over the square of radius `radius`, from 1 to 4, around every pixel, in place. At the border over the pixels inside.
+pub(super) fn boxed<T>(size: Size, radius: usize, values: &mut [T])
 where
     T: Copy + Default + AddAssign + DivAssign<f32>,
 {

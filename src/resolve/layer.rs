@@ -1,6 +1,6 @@
 //! The rule: one candidate of a layer of light for every pixel.
 
-use super::filter::{Size, tent};
+use super::filter::{Size, boxed, tent};
 use super::{squared_difference, variance_of_mean};
 use crate::image::level_film::BATCHES;
 use crate::math::Vec3A;
@@ -24,6 +24,13 @@ const DOUBTFUL: f32 = 0.4;
 /// Radius in pixels of the filter of the shares of candidates.
 pub(super) const SHARE_RADIUS: usize = 1;
 
+/// Radius in pixels of the square around a pixel in which its choice must be common, and the least share of the pixels there that have
+/// taken no wider blur, by the number of the blur; the last one of all wider ones.
+const COMMON: [(usize, f32); 3] = [(3, 0.37), (3, 0.37), (COMMON_RADIUS, 0.5)];
+
+/// The largest of these radii.
+pub(super) const COMMON_RADIUS: usize = 4;
+
 /// Share of the weight of the darkest pixel around that the noise of a blurred layer has at least.
 const DARK: f32 = 0.5;
 
@@ -43,8 +50,10 @@ pub(super) struct Candidate {
     pub(super) sharper: Vec<usize>,
     /// Variance of light that it has missed, if any.
     pub(super) missing: Option<Vec<Vec3A>>,
-    /// True if it is blurred.
-    pub(super) blurred: bool,
+    /// Number of its blur, ascending with the width; 0 for none.
+    pub(super) blur: usize,
+    /// Number of the candidate with the next wider blur of the same light.
+    pub(super) wider: Option<usize>,
     /// True if a difference that may be chance counts less: that of a blur. Roughening is a bias for sure.
     pub(super) doubted: bool,
     /// True if light that it takes across an edge counts as on the dark side of it, as its noise does.
@@ -68,8 +77,8 @@ pub(super) struct Choice {
 }
 
 impl Choice {
-    /// Chooses among candidates in ascending order of what they take from the picture: the first of the best.
-    /// The first `batches` of them have samples.
+    /// Chooses among candidates in ascending order of what they take from the picture: the first of the best, and a wider blur of it where
+    /// this one is not [`common`]. The first `batches` of them have samples.
     pub(super) fn of(
         size: Size,
         candidates: &[Candidate],
@@ -87,25 +96,30 @@ impl Choice {
             .map(|(own, dark)| own.max(DARK * *dark))
             .collect();
         let mut least = vec![f32::INFINITY; pixels];
-        // Variances of those that others are judged against.
+        // Variances and squared biases; the former are those that others are judged against.
         let mut anchors: Vec<Vec<f32>> = Vec::with_capacity(candidates.len());
+        let mut biases: Vec<Vec<f32>> = Vec::with_capacity(candidates.len());
         for (k, candidate) in candidates.iter().enumerate() {
             let noise = noise(size, candidate, batches);
             let variance = weighted(&noise, &weights.own);
             let bias2 = bias(size, candidates, k, weights, &anchors, kappa, batches);
-            let judged = candidate.blurred.then(|| weighted(&noise, &edges));
+            let judged = (candidate.blur > 0).then(|| weighted(&noise, &edges));
             let judged = judged.as_ref().unwrap_or(&variance);
-            let caution = if candidate.blurred { CAUTION } else { 1.0 };
+            let caution = if candidate.blur > 0 { CAUTION } else { 1.0 };
             for i in 0..pixels {
                 let error = caution * (bias2[i] + judged[i]);
                 if error < least[i] {
                     least[i] = error;
                     all.chosen[i] = k as u8;
-                    all.bias2[i] = bias2[i];
-                    all.variance[i] = variance[i];
                 }
             }
             anchors.push(variance);
+            biases.push(bias2);
+        }
+        all.chosen = common(size, candidates, &all.chosen);
+        for (i, &k) in all.chosen.iter().enumerate() {
+            all.bias2[i] = biases[usize::from(k)][i];
+            all.variance[i] = anchors[usize::from(k)][i];
         }
         all
     }
@@ -134,6 +148,27 @@ impl Choice {
         }
         (sum, batches)
     }
+}
+
+/// Choices less those that chance makes: a pixel takes the next wider blur where too few pixels around have taken one as narrow as its
+/// own. An estimate of four batches prefers a narrow candidate by chance in single pixels, and a feature of the picture does so in many.
+pub(super) fn common(size: Size, candidates: &[Candidate], chosen: &[u8]) -> Vec<u8> {
+    let blur = |k: u8| candidates[usize::from(k)].blur;
+    let widest = candidates.iter().map(|c| c.blur).max().unwrap_or(0);
+    let mut taken = chosen.to_vec();
+    for number in 0..widest {
+        let (radius, least) = COMMON[number.min(COMMON.len() - 1)];
+        let narrow = |&k: &u8| f32::from(u8::from(blur(k) <= number));
+        let mut shares: Vec<f32> = chosen.iter().map(narrow).collect();
+        boxed(size, radius, &mut shares);
+        for (k, share) in taken.iter_mut().zip(shares) {
+            if blur(*k) == number && share < least {
+                let wider = candidates[usize::from(*k)].wider;
+                *k = wider.map_or(*k, |wider| wider as u8);
+            }
+        }
+    }
+    taken
 }
 
 /// V of a candidate.

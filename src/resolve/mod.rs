@@ -25,6 +25,8 @@
 //! A level that has met nothing looks free of noise. So V_k also includes the variance of light that level k has missed,
 //! weighted by the chance of missing it (`coarse.rs`).
 //!
+//! A choice that few pixels around share is a chance of four batches: such a pixel takes a wider blur (`layer::common`).
+//!
 //! A layer is Σ_k tent_1(1[k* = k]) of its candidates, brought to the energy of the best level at a coarse
 //! scale by a smooth factor: the energy correction adds no visible structure. Light that was cut from the only level of a film
 //! comes back surface by surface first (`surfaces.rs`).

@@ -1,7 +1,7 @@
 use super::coarse::{Caps, Coarse, Missing};
 use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface};
-use super::layer::{seen_again, without_largest};
+use super::layer::{Batches, Candidate, common, seen_again, without_largest};
 use super::tiles::{BASE, STEP, rest};
 use super::*;
 use crate::image::film::Window;
@@ -1296,4 +1296,60 @@ fn light_that_the_sharpest_level_lacks_comes_back_and_a_bias_does_not() {
         let found = energy(suns);
         assert!((found - expected).abs() < 0.05, "{suns:?}: {found}");
     }
+}
+
+/// A choice that a few pixels have by chance gives way to what most around have taken. A line and a region keep theirs.
+#[test]
+fn lone_choices_give_way_and_features_stay() {
+    const SIDE: usize = 30;
+    let blurs = |count: usize, levels: usize| -> Vec<Candidate> {
+        let of = |k: usize| Candidate {
+            level: (k % levels) as u8,
+            light: Batches::new(),
+            sharper: Vec::new(),
+            missing: None,
+            blur: k / levels,
+            wider: (k + levels < count * levels).then_some(k + levels),
+            doubted: false,
+            dark_side: false,
+        };
+        (0..count * levels).map(of).collect()
+    };
+    let kept =
+        |candidates: &[Candidate], narrow: u8, wide: u8, is: &dyn Fn(usize, usize) -> bool| {
+            let of = |i: usize| if is(i % SIDE, i / SIDE) { narrow } else { wide };
+            let chosen: Vec<u8> = (0..SIDE * SIDE).map(of).collect();
+            let taken = common((SIDE, SIDE), candidates, &chosen);
+            let others = taken.iter().filter(|k| **k != narrow && **k != wide);
+            assert_eq!(others.count(), 0, "{narrow}");
+            let outside = taken
+                .iter()
+                .zip(&chosen)
+                .filter(|(new, old)| **old == wide && **new != wide);
+            assert_eq!(outside.count(), 0, "{narrow}");
+            taken.iter().filter(|k| **k == narrow).count()
+        };
+    let square = |side: usize| {
+        move |x: usize, y: usize| (10..10 + side).contains(&x) && (10..10 + side).contains(&y)
+    };
+    let one_level = blurs(5, 1);
+    for narrow in 0..4 {
+        assert_eq!(kept(&one_level, narrow, 4, &square(4)), 0, "{narrow}");
+        assert_eq!(
+            kept(&one_level, narrow, 4, &|x, _| x < 15),
+            SIDE * 15,
+            "{narrow}"
+        );
+    }
+    for narrow in 0..2 {
+        let line = |x: usize, _| (10..13).contains(&x);
+        // The pixels at its sides have as many of them around as those in its middle.
+        assert_eq!(kept(&one_level, narrow, 4, &line), 3 * SIDE, "{narrow}");
+    }
+    // A level takes a blur of its own light.
+    let levels = blurs(3, 2);
+    assert_eq!(kept(&levels, 1, 5, &square(4)), 0);
+    // Nothing is wider than the widest, and without blurs nothing changes.
+    assert_eq!(kept(&one_level, 4, 0, &square(1)), 1);
+    assert_eq!(kept(&blurs(1, 2), 1, 0, &square(1)), 1);
 }

@@ -4,7 +4,9 @@ use super::Limits;
 use super::coarse::{Caps, Coarse, Missing};
 use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface, reach};
-use super::layer::{Batches, Candidate, Choice, RADIUS, SHARE_RADIUS, WIDE_RADIUS, Weights};
+use super::layer::{
+    Batches, COMMON_RADIUS, Candidate, Choice, RADIUS, SHARE_RADIUS, WIDE_RADIUS, Weights,
+};
 use crate::image::film::Window;
 use crate::image::level_film::{BATCHES, Features, LevelFilm};
 use crate::math::{Rgb, Vec3A};
@@ -30,9 +32,9 @@ const EPSILON: f32 = 0.01;
 /// Light of a batch above which it is a glint, where the mean of the picture counts as 0.3: no blur of the only level spreads it.
 const GLINT: f32 = 1.2;
 
-/// Pixels around a tile whose candidates its choice depends on: shares of choices, which depend on noise and bias around, and
-/// these on one pixel more.
-const AROUND: usize = 2 * (SHARE_RADIUS + WIDE_RADIUS) + 1;
+/// Pixels around a tile whose candidates its choice depends on: shares of choices, which depend on those around, these on noise and
+/// bias around, and these on one pixel more.
+const AROUND: usize = 2 * (SHARE_RADIUS + WIDE_RADIUS) + COMMON_RADIUS + 1;
 
 /// Data of a film that all tiles share.
 pub(super) struct Shared<'a> {
@@ -288,7 +290,8 @@ impl<'a> Part<'a> {
             light,
             sharper: (0..number).collect(),
             missing: None,
-            blurred: number > 0,
+            blur: number,
+            wider: (number < self.whole.limits.shared.len()).then_some(number + 1),
             doubted: number > 0,
             dark_side: number > 0,
         };
@@ -344,22 +347,25 @@ impl<'a> Part<'a> {
             Some(of.map(|missing| missing.noise(times)).collect())
         };
         let blurs = self.blurs(&levels, features);
+        let widest = blurs.len();
+        // The first of several levels is too noisy for a blur; of the only one fireflies are.
+        let first = usize::from(count > 1);
+        let sharp = count.min(self.whole.limits.levels);
         // Light around the pixels that have candidates is gone before there are more of these.
         let mut all: Vec<Candidate> = (levels.into_iter().enumerate())
-            .take(self.whole.limits.levels)
+            .take(sharp)
             .map(|(level, light)| Candidate {
                 level: level as u8,
                 light: self.inner.of(&light),
                 sharper: (0..level).collect(),
                 missing: noise(level, 1.0),
-                blurred: false,
+                blur: 0,
+                wider: (widest > 0).then_some(sharp + level.saturating_sub(first)),
                 doubted: false,
                 dark_side: false,
             })
             .collect();
-        // The first of several levels is too noisy for a blur; of the only one fireflies are.
-        let first = usize::from(count > 1);
-        for (sigma, blurred) in blurs {
+        for (blur, (sigma, blurred)) in (1..).zip(blurs) {
             for (number, light) in blurred.into_iter().enumerate() {
                 let level = number + first;
                 // Narrower blurs have less noise, so that they show a bias better than the picture as it is does.
@@ -373,7 +379,8 @@ impl<'a> Part<'a> {
                     sharper: sharper.collect(),
                     // A blur of s pixels averages about 1 + s² of them.
                     missing: noise(level, 1.0 + sigma * sigma),
-                    blurred: true,
+                    blur,
+                    wider: (blur < widest).then_some(all.len() + count - first),
                     doubted: count == 1,
                     dark_side: false,
                 });

@@ -55,7 +55,8 @@ typedef struct {
 } opsr_light;
 
 typedef struct {
-    int level, sharper, blurred, dark_side;
+    int level, sharper, dark_side;
+    int blur, wider; /* its blur's number, 0 for none; number of the candidate with the next wider one, or -1 */
     opsr_light *light;
     float *missing; /* 3 a pixel, or none */
 } opsr_candidate;
@@ -408,6 +409,29 @@ static void opsr_seen_again(int w, int h, float *square, const float *least, flo
             }
 }
 
+/* Choices less those that chance makes: a pixel takes the next wider blur where too few pixels around have taken one as narrow as its
+   own. `share` has room for a float a pixel. */
+static int opsr_common(int w, int h, const opsr_candidate *all, int count, unsigned char *chosen, float *share) {
+    size_t n = (size_t)w * h;
+    int widest = 0, failed = 0;
+    for (int k = 0; k < count; k++) widest = all[k].blur > widest ? all[k].blur : widest;
+    unsigned char *first = (unsigned char *)malloc(n);
+    float *line = (float *)malloc((size_t)(w > h ? w : h) * sizeof(float));
+    failed = !first || !line;
+    if (!failed) memcpy(first, chosen, n);
+    for (int blur = 0; !failed && blur < widest; blur++) {
+        for (size_t i = 0; i < n; i++) share[i] = all[first[i]].blur <= blur;
+        opsr_box(share, w, h, 1, blur < 2 ? 3 : 4, line);
+        for (size_t i = 0; i < n; i++) {
+            const opsr_candidate *one = all + chosen[i];
+            if (one->blur == blur && share[i] < (blur < 2 ? 0.37f : 0.5f) && one->wider >= 0) chosen[i] = (unsigned char)one->wider;
+        }
+    }
+    free(first);
+    free(line);
+    return failed ? -1 : 0;
+}
+
 /* The most bias that a weighted squared difference shows where it may be a chance of few batches: that of the wider of two radii.
  * Infinite where it is above 4 standard deviations of what it is without bias, at one of them, of which 19/81 and 231/2401 are the
  * filters' share. `square` and `variance` are 3 a pixel. */
@@ -439,11 +463,11 @@ static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count,
     float *noise = (float *)malloc(n * 3 * sizeof(float)), *square = (float *)malloc(n * 3 * sizeof(float));
     float *least_square = (float *)malloc(n * 3 * sizeof(float)), *old = (float *)malloc(n * 3 * sizeof(float));
     float *anchors = (float *)malloc(n * count * sizeof(float)), *bias = (float *)malloc(n * sizeof(float));
-    float *least = (float *)malloc(n * sizeof(float)), *found = (float *)malloc(n * 2 * sizeof(float));
+    float *least = (float *)malloc(n * sizeof(float)), *biases = (float *)malloc(n * count * sizeof(float));
     float *spread = (float *)malloc(n * 3 * sizeof(float));
     unsigned char *chosen = (unsigned char *)calloc(n, 1);
     float *most = (float *)malloc(n * sizeof(float));
-    int failed = !noise || !square || !least_square || !old || !anchors || !bias || !least || !found || !chosen || !spread || !most;
+    int failed = !noise || !square || !least_square || !old || !anchors || !bias || !least || !biases || !chosen || !spread || !most;
     for (size_t i = 0; !failed && i < n; i++) least[i] = INFINITY;
     for (int k = 0; !failed && k < count; k++) {
         for (size_t i = 0; i < n; i++)
@@ -467,7 +491,7 @@ static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count,
             const float *weights = all[k].dark_side ? dark : own;
             /* Roughening is a bias for sure. */
             for (size_t i = 0; i < n; i++) most[i] = INFINITY;
-            if (all[k].blurred && !all[k].missing)
+            if (all[k].blur && !all[k].missing)
                 failed = opsr_doubtful(f->width, f->height, square, spread, weights, old, most);
             failed |= opsr_tent(square, f->width, f->height, 3, 1);
             for (size_t i = 0; i < n; i++) {
@@ -485,15 +509,15 @@ static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count,
                 edge += x * fmaxf(own[i * 3 + c], 0.5f * dark[i * 3 + c]) / 3.0f;
             }
             anchors[k * n + i] = v;
-            float error = all[k].blurred ? 1.5f * (bias[i] + edge) : bias[i] + v;
+            biases[k * n + i] = bias[i];
+            float error = all[k].blur ? 1.5f * (bias[i] + edge) : bias[i] + v;
             if (error < least[i]) {
                 least[i] = error;
                 chosen[i] = (unsigned char)k;
-                found[i * 2] = bias[i];
-                found[i * 2 + 1] = v;
             }
         }
     }
+    if (!failed) failed = opsr_common(f->width, f->height, all, count, chosen, bias);
     if (!failed) memset(layer, 0, n * 3 * sizeof(float));
     for (int k = 0; !failed && k < count; k++) {
         for (size_t i = 0; i < n; i++) bias[i] = chosen[i] == k;
@@ -506,18 +530,18 @@ static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count,
     }
     for (size_t i = 0; !failed && i < n; i++) {
         if (level) level[i] = (unsigned char)all[chosen[i]].level;
-        bias2[i] += found[i * 2];
-        variance[i] += found[i * 2 + 1];
+        bias2[i] += biases[chosen[i] * n + i];
+        variance[i] += anchors[chosen[i] * n + i];
     }
-    free(noise); free(square); free(least_square); free(old); free(anchors); free(bias); free(least); free(found); free(chosen);
+    free(noise); free(square); free(least_square); free(old); free(anchors); free(bias); free(least); free(biases); free(chosen);
     free(spread); free(most);
     return failed ? -1 : 0;
 }
 
 /* Adds a candidate with room for its light. */
-static opsr_candidate *opsr_add(opsr_candidate *all, int *count, size_t n, int level, int sharper, int blurred, int missing) {
+static opsr_candidate *opsr_add(opsr_candidate *all, int *count, size_t n, int level, int sharper, int blur, int wider, int missing) {
     opsr_candidate *new_one = all + (*count)++;
-    opsr_candidate value = {level, sharper, blurred, 0, NULL, NULL};
+    opsr_candidate value = {level, sharper, 0, blur, wider, NULL, NULL};
     *new_one = value;
     new_one->light = (opsr_light *)malloc(n * sizeof(opsr_light));
     if (missing) new_one->missing = (float *)malloc(n * 3 * sizeof(float));
@@ -530,7 +554,7 @@ static const float opsr_blurs_of_shared[2] = {1.0f, 2.0f}, opsr_blurs[3] = {0.7f
 static int opsr_of_shared(const opsr_film *f, opsr_candidate *all, int *count) {
     size_t n = (size_t)f->width * f->height;
     opsr_grid g = opsr_cells(f);
-    opsr_candidate *one = opsr_add(all, count, n, 0, 0, 0, 0);
+    opsr_candidate *one = opsr_add(all, count, n, 0, 0, 0, f->smoothing == OPSR_SHARP ? -1 : 1, 0);
     if (!one) return -1;
     for (size_t i = 0; i < n; i++) one->light[i] = opsr_at(f, f->levels, i);
     if (f->smoothing == OPSR_SHARP) return 0;
@@ -543,7 +567,7 @@ static int opsr_of_shared(const opsr_film *f, opsr_candidate *all, int *count) {
             for (int b = 0; b < OPSR_BATCHES; b++) capped[i].v[b][c] = fminf(all[0].light[i].v[b][c], cap);
         }
     for (int s = 0; !failed && s < 2; s++) {
-        one = opsr_add(all, count, n, 0, s + 1, 1, 0);
+        one = opsr_add(all, count, n, 0, s + 1, s + 1, s < 1 ? s + 2 : -1, 0);
         failed = !one;
         if (one) {
             one->dark_side = 1;
@@ -592,7 +616,9 @@ static int opsr_of_roughened(const opsr_film *f, const opsr_coarse *coarse, opsr
         failed = opsr_missing(f, coarse, k, variance + k * n * 3, expected + k * n);
     for (int s = -1; !failed && s < blurs; s++)
         for (int k = s < 0 ? 0 : 1; !failed && k < f->levels; k++) {
-            opsr_candidate *one = opsr_add(all, count, n, k, s < 0 ? k : k + 1, s >= 0, 1);
+            /* Level 0 is too noisy for a blur: its pixels take that of level 1. */
+            int next = f->levels + (s + 1) * (f->levels - 1) + (k > 0 ? k - 1 : 0), wider = s + 1 < blurs && f->levels > 1 ? next : -1;
+            opsr_candidate *one = opsr_add(all, count, n, k, s < 0 ? k : k + 1, s + 1, wider, 1);
             failed = !one;
             if (!one) break;
             float times = s < 0 ? 1.0f : 1.0f + opsr_blurs[s] * opsr_blurs[s];
