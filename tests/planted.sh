@@ -211,6 +211,10 @@ plant "one level: tiles have too little around them" src/resolve/tiles.rs \
     lib::resolve::tests::resolve_in_tiles_has_the_bytes_of_the_whole
 plant "one level: chance counts as it stands" src/resolve/layer.rs \
     's/\(share \* \*bias\)\.min\(\*most\)/share * *bias/' lib::resolve::tests::an_even_floor_has_no_pepper
+plant "resolve: lone choices stay" src/resolve/layer.rs \
+    's/&& share < least \{/\&\& share < 0.0 {/' lib::resolve::tests::lone_choices_give_way_and_features_stay
+plant "resolve: a lone choice takes the blur of another level" src/resolve/tiles.rs \
+    's/all\.len\(\) \+ count - first\)/all.len() + 1)/' lib::resolve::tests::lone_choices_take_blurs_of_their_own_level
 plant "one level: discs of fireflies" src/resolve/tiles.rs \
     's/self\.cap\(&mut only\);//' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
 plant "one level: discs of glints" src/resolve/tiles.rs \

@@ -26,7 +26,7 @@ pub(super) const SHARE_RADIUS: usize = 1;
 
 /// Radius in pixels of the square around a pixel in which its choice must be common, and the least share of the pixels there that have
 /// taken no wider blur, by the number of the blur; the last one of all wider ones.
-const COMMON: [(usize, f32); 3] = [(3, 0.37), (3, 0.37), (COMMON_RADIUS, 0.5)];
+const COMMON: [(usize, f32); 3] = [(3, 0.37), (3, 0.37), (COMMON_RADIUS, 0.49)];
 
 /// The largest of these radii.
 pub(super) const COMMON_RADIUS: usize = 4;

@@ -424,7 +424,7 @@ static int opsr_common(int w, int h, const opsr_candidate *all, int count, unsig
         opsr_box(share, w, h, 1, blur < 2 ? 3 : 4, line);
         for (size_t i = 0; i < n; i++) {
             const opsr_candidate *one = all + chosen[i];
-            if (one->blur == blur && share[i] < (blur < 2 ? 0.37f : 0.5f) && one->wider >= 0) chosen[i] = (unsigned char)one->wider;
+            if (one->blur == blur && share[i] < (blur < 2 ? 0.37f : 0.49f) && one->wider >= 0) chosen[i] = (unsigned char)one->wider;
         }
     }
     free(first);
