@@ -1,6 +1,7 @@
 //! AOVs and traced paths against the picture they belong to.
 
 use crate::support::render;
+use crate::support::scenes::point_light_over_plane;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::aov::{Aovs, Centres, FirstHit, LightSplit, PixelTime};
 use opsr::integrator::trace::trace;
@@ -45,7 +46,7 @@ fn picture(scene: &Scene, settings: &Settings, aovs: Option<Aovs>, passes: &[u32
 #[test]
 fn aov_light_split_adds_up_and_equals_short_paths() {
     let mut parts = gallery::caustic_box();
-    parts.lights = gallery::point_light_over_plane().lights;
+    parts.lights = point_light_over_plane().lights;
     let scene = render::scene(parts);
     let window = Window::full(SIZE);
     for rule in rules() {
@@ -153,7 +154,7 @@ fn aov_centres_lie_on_their_surfaces() {
 #[test]
 fn trace_of_a_pixel_equals_its_samples() {
     let mut parts = gallery::caustic_box();
-    parts.lights = gallery::point_light_over_plane().lights;
+    parts.lights = point_light_over_plane().lights;
     let scene = render::scene(parts);
     let mut roughened = 0;
     for rule in rules() {

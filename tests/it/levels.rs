@@ -1,6 +1,7 @@
 //! Several levels of roughening on the same paths.
 
 use super::support::render::{film_with, scene};
+use super::support::scenes::{point_light_over_plane, two_mirrors};
 use opsr::image::film::Window;
 use opsr::image::level_film::LevelFilm;
 use opsr::image::{Buffer, Film};
@@ -13,7 +14,7 @@ use opsr::resolve::{Resolve, resolve_film, unseen_share};
 use opsr::scene::procedural::materials::{GOLD, diffuse, emitter, glass, metal};
 use opsr::scene::procedural::shapes::{quad, room, sphere};
 use opsr::scene::{PunctualLight, Scene, SceneParts};
-use opsr_lab::gallery::{caustic_box, two_mirrors};
+use opsr_lab::gallery::caustic_box;
 use opsr_lab::stats::agreement::agree;
 
 /// A table with a pattern.
@@ -128,9 +129,7 @@ fn level_0_is_bit_identical_to_plain_path_tracing() {
 #[test]
 fn levels_agree_with_renders_of_their_own() {
     let mut point = metal_room();
-    point
-        .lights
-        .push(opsr_lab::gallery::point_light_over_plane().lights[0]);
+    point.lights.push(point_light_over_plane().lights[0]);
     for (parts, rule) in [
         (caustic_box(), table()),
         (metal_room(), table()),

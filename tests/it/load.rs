@@ -10,6 +10,7 @@ mod meshes;
 mod motion;
 
 use super::support::gltf::{File, load_bytes, load_in};
+use super::support::scenes;
 use opsr::math::Vec3;
 use opsr::scene::procedural::shapes;
 use opsr::scene::{Mesh, SceneParts};
@@ -97,10 +98,10 @@ fn load_returns_what_was_saved() {
         gallery::furnace_sphere(0.5),
         gallery::cornell_box(),
         gallery::caustic_box(),
-        gallery::point_light_over_plane(),
+        scenes::point_light_over_plane(),
         gallery::area_light_over_plane(),
-        gallery::glass_slab(0.3),
-        gallery::two_mirrors(0.9, 0.01),
+        scenes::glass_slab(0.3),
+        scenes::two_mirrors(0.9, 0.01),
     ];
     for parts in scenes {
         let bytes = glb::to_glb(&parts).unwrap();

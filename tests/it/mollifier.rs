@@ -1,13 +1,14 @@
 //! The mollifier: light that no path can find becomes visible, and nothing else changes.
 
 use super::support::render::{film_with, mean, scene};
+use super::support::scenes::point_light_over_plane;
 use opsr::integrator::Settings;
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{diffuse, metal};
 use opsr::scene::procedural::shapes::quad;
 use opsr::scene::{PunctualLight, SceneParts};
-use opsr_lab::gallery::{builtin, caustic_box, point_light_over_plane};
+use opsr_lab::gallery::{builtin, caustic_box};
 use std::f32::consts::PI;
 
 fn settings(rule: Rule) -> Settings {

@@ -1,6 +1,7 @@
 //! Sobol points against independent samples: the same pictures, less noise, honest batches.
 
 use super::support::render::{film_with, scene};
+use super::support::scenes::two_mirrors;
 use opsr::image::Film;
 use opsr::image::level_film::BATCHES;
 use opsr::integrator::bidirectional::Radius;
@@ -10,9 +11,7 @@ use opsr::math::{Rgb, UVec2};
 use opsr::regularise::Rule;
 use opsr::sampler::{CameraSource, SampleSource, Sampler, SamplerKind, Seed};
 use opsr::scene::{Lens, Scene};
-use opsr_lab::gallery::{
-    area_light_over_plane, caustic_box, cornell_box, furnace_sphere, two_mirrors,
-};
+use opsr_lab::gallery::{area_light_over_plane, caustic_box, cornell_box, furnace_sphere};
 use opsr_lab::stats::agreement::agree;
 
 fn settings(sampler: SamplerKind, seed: u64) -> Settings {

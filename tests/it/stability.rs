@@ -5,6 +5,7 @@
 
 use crate::bsdf::numbers;
 use crate::geometry::rng;
+use crate::support::scenes::two_mirrors;
 use crate::support::{self, assert_likely};
 use opsr::image::Film;
 use opsr::integrator::{self, PathObserver, Recorder, Settings, ShadingPoint};
@@ -14,7 +15,6 @@ use opsr::sampler::{Independent, Seed};
 use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::scene::procedural::shapes;
 use opsr::scene::{Scene, SceneParts};
-use opsr_lab::gallery::two_mirrors;
 use opsr_lab::verify::bsdfs::{DISTRIBUTIONS, at, glass};
 use opsr_lab::verify::density::DensityTest;
 use opsr_lab::verify::{Finding, NUMERIC, Size, lights, lobes, roughness, transport, weights};

@@ -1,13 +1,13 @@
 //! Photon density against known values, and its radius.
 
 use crate::support::render::{film_with, mean, scene};
+use crate::support::scenes::point_light_over_plane;
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings, View};
 use opsr::math::UVec2;
 use opsr::scene::finish::{Clearcoat, Finish};
 use opsr::scene::{Camera, Material};
-use opsr_lab::gallery::point_light_over_plane;
 
 /// The plane under a point light, at whose foot all pixels look.
 fn foot(radius: f32, iterations: u32) -> (f64, f64) {

@@ -1,13 +1,14 @@
 //! Path space regularisation in the bidirectional estimator: what no strategy can sample is no longer black.
 
 use crate::support::render::{film_with, mean, scene};
+use crate::support::scenes::point_light_over_plane;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{diffuse, metal};
 use opsr::scene::procedural::shapes::quad;
 use opsr::scene::{PunctualLight, SceneParts};
-use opsr_lab::gallery::{caustic_box, point_light_over_plane};
+use opsr_lab::gallery::caustic_box;
 use std::f32::consts::PI;
 
 const PATH: Estimator = Estimator::Path { reuse: false };

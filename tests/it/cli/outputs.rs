@@ -381,7 +381,7 @@ fn resolve_keeps_the_metadata_of_the_render() {
 #[test]
 fn hint_for_a_refused_sample_is_a_command() {
     let place = Place::new();
-    let mut parts = gallery::point_light_over_plane();
+    let mut parts = crate::support::scenes::point_light_over_plane();
     // Radiance below it is infinite.
     parts.lights = vec![PunctualLight::Point {
         position: Vec3::new(0.0, 0.05, 0.0),

@@ -33,7 +33,7 @@ pub(crate) fn gltf() -> Vec<Vec<u8>> {
     );
     let saved = [
         gallery::area_light_over_plane(),
-        gallery::two_mirrors(0.9, 0.01),
+        crate::support::scenes::two_mirrors(0.9, 0.01),
         glass,
     ];
     // Each scene as text and as binary.

@@ -2,6 +2,7 @@
 
 pub(crate) mod gltf;
 pub(crate) mod render;
+pub(crate) mod scenes;
 
 use opsr_lab::verify::{Finding, chi_square};
 use std::path::Path;

@@ -26,11 +26,10 @@
 use std::fmt;
 
 use super::student;
-use opsr::image::Buffer;
 use opsr::image::batches::{BATCHES, Sharing};
 use opsr::image::film::{Film, FilmError, Window};
+use opsr::math::DVec3;
 use opsr::math::moments::Moments;
-use opsr::math::{DVec3, UVec2};
 
 /// Chance that two films of the same picture fail [`agree`].
 pub(crate) const SIGNIFICANCE: f64 = 0.01;
@@ -157,25 +156,7 @@ impl fmt::Display for Agreement {
 /// ```
 pub fn agree(a: &Film, b: &Film) -> Result<Agreement, FilmError> {
     a.same_place(b)?;
-    let means = [a, b].map(Known::of);
-    let pair = |i| (a.pixels[i], b.pixels[i]);
-    Ok(compare(a.size, a.window, pair, means))
-}
-
-/// Compares a film with a picture that is known exactly, such as a furnace.
-pub fn agree_with_exact(film: &Film, exact: &Buffer) -> Result<Agreement, FilmError> {
-    let size = UVec2::new(exact.width as u32, exact.height as u32);
-    if size != UVec2::new(film.window.w, film.window.h) {
-        return Err(FilmError::Differ {
-            a: (film.size, film.window),
-            b: (size, Window::full(size)),
-        });
-    }
-    // Any number of samples without spread.
-    let known = |i: usize| Moments::from_parts(1 << 30, exact.pixels[i].as_dvec3(), DVec3::ZERO);
-    let means = [Known::of(film), Known::Pixels];
-    let pair = |i| (film.pixels[i], known(i));
-    Ok(compare(film.size, film.window, pair, means))
+    Ok(compare(a, b))
 }
 
 /// Known noise of a film's mean.
@@ -344,16 +325,12 @@ impl Estimates {
     }
 }
 
-fn compare(
-    size: UVec2,
-    window: Window,
-    pair: impl Fn(usize) -> (Moments, Moments),
-    means: [Known; 2],
-) -> Agreement {
+fn compare(a: &Film, b: &Film) -> Agreement {
+    let window = a.window;
+    let means = [a, b].map(Known::of);
     let mut pixels: Vec<(Window, Estimates, Estimates)> = Vec::new();
     let mut tiles = Vec::new();
     let mut image = Estimates::default();
-    debug_assert!(window.inside(&Window::full(size)));
     for tile in window.tiles(TILE) {
         let mut sums = Estimates::default();
         let first = pixels.len();
@@ -361,7 +338,7 @@ fn compare(
             let pixel = tile.pixel(i);
             let index =
                 (pixel.y - window.y) as usize * window.w as usize + (pixel.x - window.x) as usize;
-            let (a, b) = pair(index);
+            let (a, b) = (a.pixels[index], b.pixels[index]);
             if a.n < 2 || b.n < 2 {
                 continue;
             }
