@@ -3,12 +3,14 @@
 
     python3 suites/unseen.py scenes unseen && python3 suites/unseen.py references unseen
     OPSR=target/release/opsr python3 suites/error_map.py unseen 64x48 8,32,128 [METHOD,...]
+    OPSR=target/release/opsr python3 suites/error_map.py scenes 48x36 8,16,64,256
 
-A line for each method and number of samples, over the scenes of the folder: the geometric mean of FLIP; stated over true error, least,
-median, most, and how many are within 0.67 to 1.5; Spearman's rank correlation of the map with the true error of pixels and of tiles of 8
-pixels; the share of the tiles whose map is within 0.67 to 1.5 of their true error; the mean of the map over the number, least and most; the
-scenes that lack light by a witness, its least share, and in brackets the true one. What the reference errs is taken from the true error of a
-picture, as variances are; pictures that err less than twice as much are left out of `stated`. Needs numpy and OpenEXR.
+A scene without a reference gets one, raw vcm with 2,048 samples. A line for each method and number of samples, over the scenes of the
+folder, .pbrt and .glb: the geometric mean of FLIP; stated over true error, least, median, most, and how many are within 0.67 to 1.5;
+Spearman's rank correlation of the map with the true error of pixels and of tiles of 8 pixels; the share of the tiles whose map is within
+0.67 to 1.5 of their true error; the mean of the map over the number, least and most; the scenes that lack light by a witness, its least
+share, and in brackets the true one. What the reference errs is taken from the true error of a picture, as variances are; pictures that err
+less than twice as much are left out of `stated`. Needs numpy and OpenEXR.
 """
 
 import json
@@ -56,19 +58,26 @@ def measured(picture, reference):
     return {m["name"]: m["value"] for m in json.loads(Path(report).read_text())["entries"][0]["metrics"]}
 
 
+def render(scene, picture, size, samples, seed, options):
+    stats = Path(f"{picture}.json")
+    command = [PROGRAM, "render", scene, "--size", size, "--spp", samples, "--seed", seed, "--max-vertices", "14", "--progress", "none"]
+    subprocess.run([*command, *options, "--stats", stats, "-o", picture], check=True, capture_output=True)
+    return json.loads(stats.read_text())
+
+
 def main(folder, size, counts, methods=",".join(METHODS)):
-    scenes = sorted(Path(folder).glob("*.pbrt"))
+    scenes = sorted(path for path in Path(folder).iterdir() if path.suffix in (".pbrt", ".glb"))
     for name in methods.split(","):
         for samples in counts.split(","):
             flips, stated, ranks, within, means, missing = [], [], [], [], [], []
             for scene in scenes:
                 reference = scene.with_name(f"{scene.stem}-{size.split('x')[0]}.exr")
+                if not reference.exists():
+                    render(scene, reference, size, "2048", "77", METHODS["raw vcm"])
                 with tempfile.TemporaryDirectory() as place:
-                    picture, stats = Path(place) / "a.exr", Path(place) / "a.json"
-                    options = ["--size", size, "--spp", samples, "--seed", SEED, "--max-vertices", "14", "--progress", "none"]
-                    command = [PROGRAM, "render", scene, *options, *METHODS[name], "--stats", stats, "-o", picture]
-                    subprocess.run(command, check=True, capture_output=True)
-                    metrics, stats = measured(picture, reference), json.loads(stats.read_text())
+                    picture = Path(place) / "a.exr"
+                    stats = render(scene, picture, size, samples, SEED, METHODS[name])
+                    metrics = measured(picture, reference)
                     said, lacks = stats["mean_relative_error"], stats["light_missing"]
                     if lacks:
                         missing.append(f"{scene.stem} {lacks['share']:.2f} ({1 - metrics['energy ratio']:.2f})")
