@@ -197,7 +197,7 @@ plant "photons of a shared bucket count twice" src/integrator/bidirectional/phot
     's/if buckets\[\.\.i\]\.contains\(&buckets\[i\]\)/if buckets[i] == u32::MAX/' \
     lib::integrator::bidirectional::photons::tests::cells_that_share_a_bucket_count_no_photon_twice
 plant "weights of connections ignore merges" src/integrator/bidirectional/weights.rs \
-    's/if self\.merges \{ merging\.m \}/if false { merging.m }/' bidirectional::weights::mis_weights_equal_enumeration_in_double_precision
+    's/if self\.merges \{ merging\.m \}/if false { merging.m }/' lib::integrator::bidirectional::weights::tests::mis_weights_equal_enumeration_in_double_precision
 plant "every strategy roughens a part of its own" src/integrator/bidirectional/split.rs \
     's/reach\.join\(&there\.reach\)/there.reach.best/' lib::integrator::bidirectional::audit::cases::audit_of_the_split
 plant "a first sample that is cut at once has no pixels" src/integrator/pieces.rs \

@@ -2,9 +2,8 @@
 
 use crate::errors::{argument, file};
 use crate::table::Table;
-use opsr::render::spec::renamed;
 use opsr::render::value::TableChoice;
-use opsr::render::{Fault, Heading, Names, OPTIONS, Opt, Spec};
+use opsr::render::{Fault, Heading, Names, OPTIONS, Opt, Spec, renamed};
 use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString};

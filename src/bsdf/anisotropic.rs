@@ -12,7 +12,7 @@
 //! roughnesses in proportion, and nothing outside this file knows of two.
 
 use super::lobes::{above, finish, mirror};
-use super::{Bsdf, BsdfSample, DELTA_ALPHA, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery};
+use super::{BsdfSample, DELTA_ALPHA, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery};
 use crate::math::frame::tan2_theta;
 use crate::math::{Rgb, Vec2, Vec3};
 
@@ -39,26 +39,6 @@ pub struct Anisotropic {
     code: [u8; 3],
 }
 
-/// The BSDF of a lobe of roughness `along` the local tangent `direction`, which may have any length but 0, and of roughness
-/// `across` it, at most `along`; the roughness of `lobe` does not count. A mirror where `along` is that of a Dirac delta;
-/// otherwise neither is.
-pub fn anisotropic(lobe: Glossy, along: f32, across: f32, direction: Vec2) -> Bsdf {
-    if along < DELTA_ALPHA {
-        return Bsdf::Glossy(Glossy {
-            alpha: along,
-            ..lobe
-        });
-    }
-    let ratio = across.clamp(DELTA_ALPHA, along) / along;
-    let code = encode(direction, ratio);
-    let stretched = Anisotropic::of(lobe, code);
-    let [x, _] = stretched.scales();
-    Bsdf::Anisotropic(Anisotropic {
-        alpha: along / x,
-        ..stretched
-    })
-}
-
 /// Direction and ratio as three bytes.
 fn encode(direction: Vec2, ratio: f32) -> [u8; 3] {
     // A point of the diamond |x| + |y| = 1 up to its sign.
@@ -71,6 +51,17 @@ fn encode(direction: Vec2, ratio: f32) -> [u8; 3] {
 }
 
 impl Anisotropic {
+    /// A lobe of these roughnesses along and across a direction, none of them that of a Dirac delta.
+    pub(super) fn new(lobe: Glossy, along: f32, across: f32, direction: Vec2) -> Self {
+        let ratio = across.clamp(DELTA_ALPHA, along) / along;
+        let stretched = Self::of(lobe, encode(direction, ratio));
+        let [x, _] = stretched.scales();
+        Self {
+            alpha: along / x,
+            ..stretched
+        }
+    }
+
     fn of(lobe: Glossy, code: [u8; 3]) -> Self {
         let Glossy {
             f0,

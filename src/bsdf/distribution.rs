@@ -3,11 +3,14 @@
 //! All formulas use microfacet slopes and tangents of angles. They keep their digits in single precision from α = 1e-3
 //! to 1 and up to grazing angles, where formulas with `1 − cos²` lose every digit.
 
+use super::LobeNumbers;
 use super::slope::visible_slope;
-use super::{DELTA_ALPHA, LobeNumbers};
 use crate::math::Vec3;
 use crate::math::real::{Dual, Real, SQRT_PI, scaled_erfc};
 use std::f32::consts::PI;
+
+/// Roughness below which a lobe is a Dirac delta: single precision cannot evaluate a sharper one at grazing angles.
+pub const DELTA_ALPHA: f32 = 1e-3;
 
 /// Distribution of microfacet slopes of a glossy lobe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -15,102 +15,36 @@
 //! light, whichever of them a walk arrives from. With η the index on the side of a direction,
 //! f(wo, wi)/ηₒ² = f(wi, wo)/ηᵢ² `[Veach97 §5.2]`; reflection has ηₒ = ηᵢ.
 
-use crate::math::{Rgb, Vec3};
+use crate::math::{Rgb, Vec2, Vec3};
 
-pub mod anisotropic;
-pub mod clearcoated;
+mod anisotropic;
+mod clearcoated;
 pub(crate) mod distribution;
 pub(crate) mod exact;
 pub(crate) mod film;
 pub mod fresnel;
 pub(crate) mod lobes;
 mod numbers;
-pub mod phase;
+pub(crate) mod phase;
+mod query;
 pub(crate) mod sheen;
 mod slope;
 #[cfg(test)]
 mod tests;
 mod translucent;
 
-pub use anisotropic::{Anisotropic, anisotropic};
+pub use anisotropic::Anisotropic;
 pub use clearcoated::{Clearcoated, Covers, clearcoated, covered};
-pub use distribution::{Distribution, LobeReal};
+pub use distribution::{DELTA_ALPHA, Distribution, LobeReal};
 pub use exact::{Exact, Interface};
 pub use film::{Film, Iridescent, iridescent};
 pub(crate) use lobes::is_matched;
 pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric};
 pub use numbers::{LobeNumbers, SharedNumbers};
 pub use phase::Phase;
+pub use query::{BsdfEval, BsdfSample, Lobe, LobeQuery, LobeShape};
 pub use sheen::Sheen;
-pub use translucent::{Translucent, translucent};
-
-/// Roughness below which a lobe is a Dirac delta: single precision cannot evaluate a sharper one at grazing angles.
-pub const DELTA_ALPHA: f32 = 1e-3;
-
-/// Value and density of a BSDF for one pair of directions, as functions of the roughness α:
-///
-/// ```text
-/// f·|cos θi| (α) = base + scale · D(α) G2(α)
-/// pdf_w      (α) = base_pdf + pdf_scale · D(α) G1(α)        (G1 of wo: visible normals)
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LobeQuery {
-    /// f·|cos θi| of the diffuse lobe, which does not depend on α.
-    pub base: Rgb,
-    /// Density of the diffuse lobe per steradian, its selection probability included.
-    pub base_pdf: f32,
-    /// Factor of D·G2 in f·|cos θi|.
-    pub scale: Rgb,
-    /// Factor of D·G1(wo) in the density per steradian, selection probability included.
-    pub pdf_scale: f32,
-    /// tan² of the angle between half vector and normal; as the two below, of stretched directions of an
-    /// [anisotropic](Anisotropic) lobe. Of a [phase function](Phase) tan² of half the angle to its peak.
-    pub tan2_h: f32,
-    /// tan² of the angle between `wo` and normal.
-    pub tan2_o: f32,
-    /// tan² of the angle between `wi` and normal.
-    pub tan2_i: f32,
-    /// Microfacet distribution.
-    pub distribution: Distribution,
-}
-
-/// Value and sampling density of a BSDF for a pair of directions.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BsdfEval {
-    /// f·|cos θi| per steradian, without Dirac lobes.
-    pub value: Rgb,
-    /// Density per steradian with which [`Bsdf::sample`] at the same `alpha` samples `wi`, without Dirac lobes.
-    pub pdf_w: f32,
-}
-
-/// Lobe of a BSDF.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lobe {
-    /// Lambertian lobe, α = 1; on both sides of a [`Translucent`] surface.
-    Diffuse,
-    /// Glossy lobe on the side of `wo`.
-    Reflection,
-    /// Glossy lobe on the side opposite to `wo`.
-    Transmission,
-}
-
-/// Direction sampled from a BSDF.
-#[derive(Clone, Copy, Debug)]
-pub struct BsdfSample {
-    /// Sampled direction, local.
-    pub wi: Vec3,
-    /// f·|cos θi| of the whole BSDF; without meaning if `delta`.
-    pub value: Rgb,
-    /// f·|cos θi| / pdf of the whole BSDF; of the Dirac lobe alone, over its selection probability, if `delta`. Finite
-    /// and at least 0.
-    pub weight: Rgb,
-    /// Density of the whole BSDF at `wi` per steradian; 0 and without meaning if `delta`.
-    pub pdf_w: f32,
-    /// Sampled lobe.
-    pub lobe: Lobe,
-    /// True if the sampled lobe is a Dirac delta at this α.
-    pub delta: bool,
-}
+pub use translucent::Translucent;
 
 /// Bidirectional scattering distribution function of a surface point.
 #[derive(Clone, Copy, Debug)]
@@ -139,75 +73,35 @@ pub enum Bsdf {
     Phase(Phase),
 }
 
-/// Factors of a [`LobeQuery`] that depend on the roughness, at one roughness.
-#[derive(Clone, Copy, Debug)]
-pub struct LobeShape<T> {
-    /// D(α) G2(α), with height-correlated masking and shadowing.
-    pub dg2: T,
-    /// D(α) G1(α), with masking of `wo` alone.
-    pub dg1: T,
+/// The BSDF of a lobe of roughness `along` the local tangent `direction`, which may have any length but 0, and of roughness
+/// `across` it, at most `along`; the roughness of `lobe` does not count. A mirror where `along` is that of a Dirac delta;
+/// otherwise neither is.
+pub fn anisotropic(lobe: Glossy, along: f32, across: f32, direction: Vec2) -> Bsdf {
+    match along < DELTA_ALPHA {
+        true => Bsdf::Glossy(Glossy {
+            alpha: along,
+            ..lobe
+        }),
+        false => Bsdf::Anisotropic(Anisotropic::new(lobe, along, across, direction)),
+    }
 }
 
-impl LobeQuery {
-    /// D·G2 and D·G1 at roughness `alpha` > 0.
-    ///
-    /// G2 = 1/(1 + Λ(o) + Λ(i)) is the height-correlated form `[Heitz14 (99)]`, used for refraction too.
-    #[inline]
-    pub fn shape<T: LobeReal>(&self, alpha: T) -> LobeShape<T> {
-        let one = T::constant(1.0);
-        let d = self.distribution.d(alpha, self.tan2_h);
-        if d.value() == 0.0 {
-            // Far from a sharp lobe: its masking is slow to compute and changes nothing.
-            return LobeShape { dg2: d, dg1: d };
-        }
-        let masked = one + self.distribution.lambda(alpha, self.tan2_o);
-        let shadowed = masked + self.distribution.lambda(alpha, self.tan2_i);
-        LobeShape {
-            dg2: d / shadowed,
-            dg1: d / masked,
-        }
-    }
-
-    /// True if there is no glossy lobe: its D and Λ are slow to compute, and would be multiplied by 0.
-    #[inline]
-    fn is_diffuse(&self) -> bool {
-        self.pdf_scale == 0.0 && self.scale == Rgb::ZERO
-    }
-
-    /// The query of the glossy lobe alone, with its selection probability.
-    #[inline]
-    pub(crate) fn gloss(&self) -> Self {
-        Self {
-            base: Rgb::ZERO,
-            base_pdf: 0.0,
-            ..*self
-        }
-    }
-
-    /// Density per steradian at roughness `alpha` in [0, 1]; that of the diffuse lobe alone below [`DELTA_ALPHA`].
-    /// The same bits as the density of [`LobeQuery::at`], without the work for the value.
-    #[inline]
-    pub(crate) fn pdf(&self, alpha: f32) -> f32 {
-        if alpha < DELTA_ALPHA || self.is_diffuse() {
-            return self.base_pdf;
-        }
-        self.base_pdf + self.pdf_scale * self.shape(alpha).dg1
-    }
-
-    /// Value and density at roughness `alpha` in [0, 1]; those of the diffuse lobe alone below [`DELTA_ALPHA`].
-    #[inline]
-    pub fn at(&self, alpha: f32) -> BsdfEval {
-        let mut eval = BsdfEval {
-            value: self.base,
-            pdf_w: self.base_pdf,
-        };
-        if alpha >= DELTA_ALPHA && !self.is_diffuse() {
-            let shape = self.shape(alpha);
-            eval.value += self.scale * shape.dg2;
-            eval.pdf_w += self.pdf_scale * shape.dg1;
-        }
-        eval
-    }
+/// The BSDF of a surface like `base` whose base transmits `transmitted` in [0, 1] besides; other BSDFs than Lambertian and
+/// coated ones stay as they are. A base that would gain energy is scaled down.
+pub fn translucent(base: Bsdf, transmitted: Rgb) -> Bsdf {
+    let gloss = match base {
+        _ if transmitted == Rgb::ZERO => return base,
+        Bsdf::Diffuse(l) => Glossy {
+            f0: Rgb::ZERO,
+            f90: 0.0,
+            albedo: l.albedo,
+            alpha: 1.0,
+            distribution: Distribution::Beckmann,
+        },
+        Bsdf::Glossy(l) => l,
+        other => return other,
+    };
+    Bsdf::Translucent(Translucent::new(gloss, transmitted))
 }
 
 impl Bsdf {

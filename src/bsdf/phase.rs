@@ -14,12 +14,12 @@ use crate::math::{Frame, Rgb, Vec3};
 use std::f32::consts::TAU;
 
 /// Greatest absolute mean cosine: beyond it the lobe is a Dirac delta in single precision.
-pub const MAX_MEAN_COSINE: f32 = 1.0 - DELTA_ALPHA;
+pub(crate) const MAX_MEAN_COSINE: f32 = 1.0 - DELTA_ALPHA;
 
 /// Phase function of a medium.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Phase {
-    /// Mean cosine g of the deflection in [−[`MAX_MEAN_COSINE`], [`MAX_MEAN_COSINE`]]: above 0 light goes on forwards.
+    /// Mean cosine g of the deflection in [−`MAX_MEAN_COSINE`, `MAX_MEAN_COSINE`]: above 0 light goes on forwards.
     pub mean_cosine: f32,
 }
 

@@ -12,7 +12,7 @@
 //! Both sides have the coat, as if it were on either face. A smooth coat and its base sum to F + (1 − F)(a + t).
 
 use super::lobes::{NO_LOBE, above, finish};
-use super::{Bsdf, BsdfSample, DELTA_ALPHA, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery};
+use super::{BsdfSample, DELTA_ALPHA, Glossy, Lobe, LobeNumbers, LobeQuery};
 use crate::math::{Rgb, Vec2, Vec3, luminance, warp};
 use std::f32::consts::FRAC_1_PI;
 
@@ -25,30 +25,17 @@ pub struct Translucent {
     transmitted: Rgb,
 }
 
-/// The BSDF of a surface like `base` whose base transmits `transmitted` in [0, 1] besides; other BSDFs than Lambertian and
-/// coated ones stay as they are. A base that would gain energy is scaled down.
-pub fn translucent(base: Bsdf, transmitted: Rgb) -> Bsdf {
-    let mut gloss = match base {
-        _ if transmitted == Rgb::ZERO => return base,
-        Bsdf::Diffuse(l) => Glossy {
-            f0: Rgb::ZERO,
-            f90: 0.0,
-            albedo: l.albedo,
-            alpha: 1.0,
-            distribution: Distribution::Beckmann,
-        },
-        Bsdf::Glossy(l) => l,
-        other => return other,
-    };
-    let most = (gloss.albedo + transmitted).max_element().max(1.0);
-    gloss.albedo /= most;
-    Bsdf::Translucent(Translucent {
-        gloss,
-        transmitted: transmitted / most,
-    })
-}
-
 impl Translucent {
+    /// A surface like `gloss` whose base transmits besides; scaled down where the base would gain energy.
+    pub(super) fn new(mut gloss: Glossy, transmitted: Rgb) -> Self {
+        let most = (gloss.albedo + transmitted).max_element().max(1.0);
+        gloss.albedo /= most;
+        Self {
+            gloss,
+            transmitted: transmitted / most,
+        }
+    }
+
     /// The same surface with all that its base scatters on the side of `wo`.
     pub(super) fn folded(&self) -> Glossy {
         Glossy {

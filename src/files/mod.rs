@@ -13,9 +13,7 @@ mod write;
 
 pub use error::{FileError, Problem};
 pub use lock::Claim;
-pub use read::briefly;
-pub use read::stream;
-pub use read::{read, read_text};
+pub use read::{briefly, read, read_text, stream};
 pub use sealed::{Payload, Sealed};
 #[cfg(feature = "toml")]
 pub use toml::toml;

@@ -9,9 +9,11 @@
 
 use crate::image::Buffer;
 use crate::image::batches::Sharing;
-use crate::image::exr::MAX_PIXELS;
 use crate::math::moments::Moments;
 use crate::math::{DVec3, Rgb, UVec2};
+
+/// Pictures above this number of pixels are refused before memory is taken for them.
+pub(crate) const MAX_PIXELS: usize = 1 << 28;
 
 /// A rectangle of pixels in the full frame, rows from the top.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -10,7 +10,7 @@ use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbI
 
 use super::Buffer;
 use super::display::Display;
-use super::exr::MAX_PIXELS;
+use super::film::MAX_PIXELS;
 use crate::files::{self, FileError, Problem};
 use crate::math::Rgb;
 

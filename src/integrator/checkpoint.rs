@@ -5,7 +5,8 @@
 use super::{Amounts, Aovs, Picture, Recorded};
 use crate::files::{FileError, Sealed};
 use crate::image::batches::{Batches, Sharing};
-use crate::image::exr::{MAX_PIXELS, Metadata};
+use crate::image::exr::Metadata;
+use crate::image::film::MAX_PIXELS;
 use crate::image::film::{Cause, Film, Rejected, RejectedSample, Window};
 use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;

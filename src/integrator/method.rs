@@ -5,8 +5,10 @@
 
 use super::Estimator;
 use super::bidirectional::Radius;
-use super::metropolis::MUTATIONS;
 use serde::{Deserialize, Serialize};
+
+/// Mutations per pixel of a pass where nobody says otherwise.
+pub(crate) const MUTATIONS: u32 = 16;
 
 /// Connections of `vcm`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

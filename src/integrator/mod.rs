@@ -2,17 +2,17 @@
 //!
 //! [`Settings`] name an [`Estimator`] and a [rule](crate::regularise::Rule); [`Settings::integrator`] makes an
 //! [`Integrator`] of them, the one place with dynamic dispatch (one call a pass). Everything below is monomorphised: plain
-//! path tracing compiles to a loop without a table. `levels` traces several amounts of roughening at once, [`guided`] learns
+//! path tracing compiles to a loop without a table. `levels` traces several amounts of roughening at once, `guided` learns
 //! where light comes from. All walk by one `walk`: a loop holds its estimator and nothing else.
 
-pub mod amounts;
-pub mod aov;
+pub(crate) mod amounts;
+pub(crate) mod aov;
 pub mod bidirectional;
 pub(crate) mod census;
 pub mod checkpoint;
 pub mod drive;
-pub mod guided;
-pub mod layers;
+pub(crate) mod guided;
+pub(crate) mod layers;
 pub(crate) mod levels;
 pub mod method;
 pub(crate) mod metropolis;
@@ -23,59 +23,23 @@ mod pieces;
 pub(crate) mod settings;
 pub(crate) mod stop;
 pub mod trace;
+mod view;
 pub(crate) mod walk;
 
 use crate::image::film::{Film, FilmError, Window};
 use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;
 use crate::math::moments::Moments;
-use crate::scene::{Camera, Scene, Sensor};
-pub use amounts::Amounts;
-pub use aov::{Aovs, FirstHit, Recorded};
+pub use amounts::{Amounts, LevelError, RADII, SCALES, Scales};
+pub use aov::{Aovs, Centres, FirstHit, LightSplit, PixelTime, Recorded, centre};
 pub use census::Census;
 pub(crate) use path::PathTracer;
 pub use settings::{Estimator, Settings};
 use std::ops::Range;
 pub use stop::Stop;
-pub use walk::Walk;
+pub use view::View;
 pub use walk::observer::{Event, PathObserver, Recorder, Technique};
 pub use walk::shading_point::ShadingPoint;
-
-/// A part of a scene's picture.
-#[derive(Clone, Copy)]
-pub struct View<'a> {
-    /// The scene.
-    pub scene: &'a Scene,
-    /// The camera and the size of the whole picture.
-    pub sensor: Sensor<'a>,
-    /// The part of the frame that is rendered.
-    pub window: Window,
-    /// When its render ends early, if it may.
-    pub stop: Option<&'a Stop<'a>>,
-}
-
-impl<'a> View<'a> {
-    /// A window of a frame.
-    pub fn new(scene: &'a Scene, camera: &'a Camera, frame: UVec2, window: Window) -> Self {
-        Self {
-            scene,
-            sensor: Sensor { camera, frame },
-            window,
-            stop: None,
-        }
-    }
-
-    /// The same with an end of its render.
-    pub fn until(self, stop: &'a Stop<'a>) -> Self {
-        let stop = Some(stop);
-        Self { stop, ..self }
-    }
-
-    /// The part of the frame that a film holds.
-    pub fn of(scene: &'a Scene, camera: &'a Camera, film: &Film) -> Self {
-        Self::new(scene, camera, film.size, film.window)
-    }
-}
 
 /// The result of a render.
 #[derive(Clone, Debug, PartialEq)]

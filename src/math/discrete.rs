@@ -4,7 +4,7 @@ use super::{DVec2, Vec2};
 
 /// Draws one of n outcomes with given probabilities in constant time: Vose's alias method.
 #[derive(Clone, Debug, Default)]
-pub struct AliasTable {
+pub(crate) struct AliasTable {
     /// Probability that a column keeps its own outcome, and the outcome that it gives otherwise.
     columns: Vec<(f32, u32)>,
     pmf: Vec<f32>,
@@ -19,7 +19,7 @@ impl AliasTable {
     /// assert_eq!(table.pmf(2), 0.75);
     /// assert_eq!(table.sample(0.999).map(|(i, _)| i), Some(2));
     /// ```
-    pub fn new(weights: &[f64]) -> Self {
+    pub(crate) fn new(weights: &[f64]) -> Self {
         let sum: f64 = weights.iter().sum();
         if sum.is_nan() || sum <= 0.0 || sum.is_infinite() {
             return Self::default();
@@ -64,7 +64,7 @@ impl AliasTable {
 
     /// Probability of outcome `i` < n.
     #[inline]
-    pub fn pmf(&self, i: usize) -> f32 {
+    pub(crate) fn pmf(&self, i: usize) -> f32 {
         self.pmf[i]
     }
 
@@ -74,7 +74,7 @@ impl AliasTable {
     /// Column and remainder come from one number, in double precision: of its 53 bits, n outcomes leave 53 − log₂ n to
     /// decide whether the column keeps its own. Twenty-four would leave 7 among 1e5 outcomes.
     #[inline]
-    pub fn sample(&self, u: f64) -> Option<(usize, f64)> {
+    pub(crate) fn sample(&self, u: f64) -> Option<(usize, f64)> {
         let n = self.columns.len();
         let x = u * n as f64;
         let i = (x as usize).min(n.checked_sub(1)?);
@@ -98,7 +98,7 @@ pub(crate) const ALMOST_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 /// Probabilities of the cells of a grid: the marginal of the rows, then a row's conditional, each by inversion of its
 /// cumulative sums.
 #[derive(Clone, Debug)]
-pub struct Distribution2D {
+pub(crate) struct Distribution2D {
     width: usize,
     /// Cumulative probability at the end of each row.
     rows: Vec<f32>,
@@ -109,7 +109,7 @@ pub struct Distribution2D {
 impl Distribution2D {
     /// Probabilities proportional to `weights`, listed row by row with `width` columns, finite and at least 0. `None` if no
     /// weight is positive or the last row is incomplete.
-    pub fn new(width: usize, weights: &[f64]) -> Option<Self> {
+    pub(crate) fn new(width: usize, weights: &[f64]) -> Option<Self> {
         if width == 0 || weights.is_empty() || !weights.len().is_multiple_of(width) {
             return None;
         }
@@ -136,7 +136,7 @@ impl Distribution2D {
     /// Each coordinate decides a cell and the place in it: 24 bits are too few beside a sun that has all but 1e-6 of the
     /// probability. A cell after the sun whose probability is lost in the rounding of the sums has probability 0.
     #[inline]
-    pub fn sample(&self, u: DVec2) -> ([usize; 2], Vec2, f32) {
+    pub(crate) fn sample(&self, u: DVec2) -> ([usize; 2], Vec2, f32) {
         let (y, v, mass_y) = invert(&self.rows, u.y);
         let (x, h, mass_x) = invert(self.row(y), u.x);
         ([x, y], Vec2::new(h, v), mass_x * mass_y)
@@ -194,49 +194,4 @@ fn invert(cumulative: &[f32], u: f64) -> (usize, f32, f32) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn alias_table_draws_outcomes_with_their_pmf() {
-        let weights = [0.1, 0.0, 5.0, 1e-3, 2.0, 0.0];
-        let table = AliasTable::new(&weights);
-        let n = 1_000_000;
-        let mut counts = [0u32; 6];
-        let mut rest_sum = 0.0;
-        for k in 0..n {
-            let (i, rest) = table.sample((f64::from(k) + 0.5) / f64::from(n)).unwrap();
-            assert!((0.0..1.0).contains(&rest));
-            rest_sum += rest;
-            counts[i] += 1;
-        }
-        let total: f64 = weights.iter().sum();
-        for (i, &c) in counts.iter().enumerate() {
-            let p = weights[i] / total;
-            assert!(
-                (f64::from(c) / f64::from(n) - p).abs() < 2e-5,
-                "{i}: {c} {p}"
-            );
-            assert!(weights[i] > 0.0 || c == 0);
-        }
-        assert!((rest_sum / f64::from(n) - 0.5).abs() < 1e-3);
-        assert!(AliasTable::new(&[0.0, 0.0]).is_empty());
-        assert!(AliasTable::new(&[]).sample(0.5).is_none());
-    }
-
-    #[test]
-    fn distribution_2d_pmf_sums_to_one_and_matches_sample() {
-        let weights = [0.0, 1.0, 1e5, 0.0, 3.0, 0.5, 0.0, 0.0, 0.0, 2.0, 0.0, 7.0];
-        let d = Distribution2D::new(4, &weights).unwrap();
-        let sum: f64 = (0..12).map(|i| f64::from(d.pmf([i % 4, i / 4]))).sum();
-        assert!((sum - 1.0).abs() < 1e-6);
-        for k in 0..100_000u32 {
-            let k = f64::from(k);
-            let u = DVec2::new((k * 0.618_034).fract(), (k + 0.5) / 100_000.0);
-            let (cell, inside, pmf) = d.sample(u);
-            assert!(inside.min_element() >= 0.0 && inside.max_element() < 1.0);
-            assert!(pmf > 0.0 && d.pmf(cell) == pmf, "{cell:?} {pmf}");
-        }
-        assert!(Distribution2D::new(4, &[0.0; 8]).is_none());
-    }
-}
+pub(crate) mod tests;

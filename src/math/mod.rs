@@ -1,6 +1,6 @@
 //! Mathematics without physics: vectors, frames, measures, warps, distributions, dual numbers. Depends on glam only.
 
-pub mod discrete;
+pub(crate) mod discrete;
 pub(crate) mod exact;
 pub(crate) mod frame;
 pub mod measure;

@@ -59,17 +59,6 @@ impl Rule {
         }
     }
 
-    /// The table to change, for a rule that has one.
-    pub fn table_mut(&mut self) -> Option<&mut AttenuationTable> {
-        match self {
-            Self::Accumulated(Accumulated {
-                factors: Factors::Table(table),
-                ..
-            }) => Some(table),
-            _ => None,
-        }
-    }
-
     /// True for rules whose paths always continue with the roughened lobe, as in the renderers they come from.
     pub(crate) fn roughens_continuation(&self) -> bool {
         matches!(

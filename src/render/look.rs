@@ -1,8 +1,6 @@
 //! A camera of one's own: the numbers that a viewer copies, and the small file that it saves.
 
-use super::fault::Fault;
-use super::spec::Spec;
-use super::value::{Field, LensChoice, NameOrNumber, Range};
+use super::value::{Field, NameOrNumber, Range};
 use crate::files::{self, FileError};
 use crate::math::{Vec2, Vec3};
 use crate::scene::camera::Projection;
@@ -237,38 +235,6 @@ impl Field for CameraChoice {
 
     fn python() -> String {
         "str | int | Path".into()
-    }
-}
-
-impl Spec {
-    /// Reads the look, so that it is read once; its lens is that of the options unless they name one.
-    pub fn load_look(&mut self) -> Result<(), Fault> {
-        let Some(look) = self.own_look()? else {
-            return Ok(());
-        };
-        let own = look.aperture.map(|radius| LensChoice {
-            radius,
-            focus: look.focus.filter(|_| radius > 0.0),
-        });
-        let lens = self.lens.or(own);
-        self.lens = lens.map(|lens| LensChoice {
-            focus: lens.focus.or(look.focus).filter(|_| lens.radius > 0.0),
-            ..lens
-        });
-        self.camera = Some(CameraChoice::Held(Box::new(look)));
-        Ok(())
-    }
-
-    /// The camera's numbers, where they are not those of a camera of the scene.
-    fn own_look(&self) -> Result<Option<Look>, FileError> {
-        let look = self.camera.as_ref().map(CameraChoice::look);
-        look.transpose().map(Option::flatten)
-    }
-
-    /// The camera of the look.
-    pub(super) fn looking(&self) -> Result<Option<Camera>, Fault> {
-        let camera = self.own_look()?.map(|look| look.camera());
-        camera.transpose().map_err(|e| Fault::option("camera", e))
     }
 }
 

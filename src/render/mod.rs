@@ -18,16 +18,16 @@
 
 pub(crate) mod fault;
 pub mod files;
-pub mod finished;
+pub(crate) mod finished;
 pub mod look;
 mod method;
 pub mod open;
 pub(crate) mod output;
 pub(crate) mod request;
-pub mod spec;
+pub(crate) mod spec;
 pub mod value;
 
 pub use fault::{Cause, Fault, Names};
-pub use finished::{Finished, Outcome, Shown};
+pub use finished::{Finished, Outcome, STATED, Shown};
 pub use request::{Begun, Output, Request, Subject, run};
-pub use spec::{Effect, Heading, OPTIONS, Opt, Spec};
+pub use spec::{Effect, Heading, OPTIONS, Opt, Spec, renamed};

@@ -5,12 +5,13 @@
 //! these declarations; what a render records about itself too (`Spec::recorded`).
 
 use super::fault::Fault;
-use super::look::CameraChoice;
+use super::look::{CameraChoice, Look};
 use super::value::{
     Crop, Exposure, Field, Glass, Layers, LensChoice, Levels, Moment, NameOrNumber, Range,
     ResolveChoice, Size, Sun, TableChoice,
 };
 use crate::bsdf::Distribution;
+use crate::files::FileError;
 use crate::image::display::ViewTransform;
 use crate::image::exr::Storage;
 use crate::integrator::bidirectional::Strategy;
@@ -20,6 +21,7 @@ use crate::integrator::method::IntegratorKind::{
 use crate::integrator::method::{Connections, Mode};
 use crate::regularise::Lookup;
 use crate::sampler::SamplerKind;
+use crate::scene::Camera;
 use crate::scene::load::Unsupported;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -460,5 +462,37 @@ impl Spec {
         words
             .map(|(option, text)| format!(", {} {text}", option.name))
             .collect()
+    }
+}
+
+impl Spec {
+    /// Reads the look, so that it is read once; its lens is that of the options unless they name one.
+    pub fn load_look(&mut self) -> Result<(), Fault> {
+        let Some(look) = self.own_look()? else {
+            return Ok(());
+        };
+        let own = look.aperture.map(|radius| LensChoice {
+            radius,
+            focus: look.focus.filter(|_| radius > 0.0),
+        });
+        let lens = self.lens.or(own);
+        self.lens = lens.map(|lens| LensChoice {
+            focus: lens.focus.or(look.focus).filter(|_| lens.radius > 0.0),
+            ..lens
+        });
+        self.camera = Some(CameraChoice::Held(Box::new(look)));
+        Ok(())
+    }
+
+    /// The camera's numbers, where they are not those of a camera of the scene.
+    fn own_look(&self) -> Result<Option<Look>, FileError> {
+        let look = self.camera.as_ref().map(CameraChoice::look);
+        look.transpose().map(Option::flatten)
+    }
+
+    /// The camera of the look.
+    pub(super) fn looking(&self) -> Result<Option<Camera>, Fault> {
+        let camera = self.own_look()?.map(|look| look.camera());
+        camera.transpose().map_err(|e| Fault::option("camera", e))
     }
 }

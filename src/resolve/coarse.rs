@@ -18,8 +18,7 @@
 //! any hit of the sun has the light of the sky, which looks well sampled.
 
 use super::filter::{Size, tent};
-use super::layer::Batches;
-use super::{median, squared_difference, variance_of_mean};
+use super::layer::{Batches, median, squared_difference, variance_of_mean};
 use crate::image::level_film::{BATCHES, LevelFilm};
 use crate::math::{Rgb, Vec3A};
 use rayon::prelude::*;

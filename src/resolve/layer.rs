@@ -1,7 +1,6 @@
 //! The rule: one candidate of a layer of light for every pixel.
 
 use super::filter::{Size, boxed, tent};
-use super::{squared_difference, variance_of_mean};
 use crate::image::level_film::BATCHES;
 use crate::math::Vec3A;
 
@@ -328,4 +327,31 @@ pub(super) fn without_largest(differences: &[Vec3A]) -> Vec3A {
 pub(super) fn weighted(values: &[Vec3A], weights: &[Vec3A]) -> Vec<f32> {
     let pairs = values.iter().zip(weights);
     pairs.map(|(v, w)| v.dot(*w) / 3.0).collect()
+}
+
+/// U: an unbiased estimate of the squared mean of independent numbers of one mean; below 0 by chance.
+pub(super) fn squared_difference(d: &[Vec3A]) -> Vec3A {
+    let (sum, squares) = d.iter().fold((Vec3A::ZERO, Vec3A::ZERO), |(s, q), d| {
+        (s + *d, q + *d * *d)
+    });
+    (sum * sum - squares) / (d.len() * (d.len() - 1)) as f32
+}
+
+/// Estimated variance of the mean of independent numbers.
+pub(super) fn variance_of_mean(x: &[Vec3A]) -> Vec3A {
+    let mean = x.iter().sum::<Vec3A>() / x.len() as f32;
+    let squares: Vec3A = x.iter().map(|x| (*x - mean) * (*x - mean)).sum();
+    squares / (x.len() * (x.len() - 1)) as f32
+}
+
+/// Median of the batches by channel, of an even number of them the mean of the middle two.
+pub(super) fn median(x: &[Vec3A]) -> Vec3A {
+    let channel = |c: usize| {
+        let mut sorted = [0.0; BATCHES];
+        let sorted = &mut sorted[..x.len()];
+        sorted.iter_mut().zip(x).for_each(|(s, x)| *s = x[c]);
+        sorted.sort_by(f32::total_cmp);
+        0.5 * (sorted[(x.len() - 1) / 2] + sorted[x.len() / 2])
+    };
+    Vec3A::new(channel(0), channel(1), channel(2))
 }

@@ -48,78 +48,18 @@ mod tiles;
 use crate::image::Buffer;
 use crate::image::exr::Plane;
 use crate::image::film::Window;
-use crate::image::level_film::{BATCHES, LevelFilm, MAX_LEVELS};
+use crate::image::level_film::LevelFilm;
 use crate::integrator::Picture;
 use crate::math::{Rgb, Vec3A};
 use crate::memory;
 use coarse::{Caps, Coarse, FACTORS};
 use guide::{Guide, Surface};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-use tiles::{Chosen, Shared, edge};
+pub use tiles::Resolve;
+use tiles::{Chosen, Limits, Shared, edge};
 
 pub(crate) use denoised::denoise_film;
 pub use statement::{Statement, error_of_less_noise, film_error, film_errors};
-
-/// Smoothing that a picture of several levels may get.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum Resolve {
-    /// None: the means of all samples as they are, of several levels those of level 0, plain path tracing.
-    None,
-    /// Every pixel gets the level with the least error.
-    Sharp,
-    /// Every pixel gets the level with the least error, and blurs where they make it less.
-    #[default]
-    Default,
-}
-
-/// Candidates of the choice, and how easily they are believed.
-#[derive(Clone, Copy, Debug)]
-struct Limits {
-    /// Most levels.
-    levels: usize,
-    /// Standard deviations in pixels of blurs of the light that all levels share, ascending.
-    shared: &'static [f32],
-    /// The same of the light of roughened vertices.
-    roughened: &'static [f32],
-    /// The same of one more blur, the widest, of the only level.
-    wide: Option<f32>,
-    /// κ of both layers: share of the noise of a sharper candidate that a difference must exceed; below 0 noise counts as bias.
-    kappa: [f32; 2],
-}
-
-impl Limits {
-    /// Limits of a setting for a film with this number of levels. Measured in docs/lab/resolve.md, of one level in docs/lab/photons.md.
-    fn of(settings: Resolve, levels: usize) -> Self {
-        let all = Self::of_levels(settings);
-        match levels {
-            // Light of roughened vertices has edges of shadows and textures, and no other level shows what is noise.
-            1 => Self {
-                wide: (!all.roughened.is_empty()).then_some(6.0),
-                kappa: all.kappa.map(|kappa| kappa - 0.5),
-                ..all
-            },
-            _ => all,
-        }
-    }
-
-    fn of_levels(settings: Resolve) -> Self {
-        let (levels, shared, roughened): (usize, &[f32], &[f32]) = match settings {
-            Resolve::None => (1, &[], &[]),
-            Resolve::Sharp => (MAX_LEVELS, &[], &[]),
-            Resolve::Default => (MAX_LEVELS, &[1.0, 2.0], &[0.7, 1.5, 3.0]),
-        };
-        Self {
-            levels,
-            shared,
-            roughened,
-            wide: None,
-            kappa: [0.0, 0.25],
-        }
-    }
-}
 
 /// A picture whose level of roughening was chosen per pixel.
 #[derive(Clone, Debug, PartialEq)]
@@ -379,31 +319,4 @@ fn gain(picture: impl ExactSizeIterator<Item = Rgb>) -> f32 {
     let sum: f64 = picture.map(|p| f64::from(p.element_sum())).sum();
     let mean = sum / (3 * pixels).max(1) as f64;
     if mean > 0.0 { (0.3 / mean) as f32 } else { 1.0 }
-}
-
-/// U: an unbiased estimate of the squared mean of independent numbers of one mean; below 0 by chance.
-fn squared_difference(d: &[Vec3A]) -> Vec3A {
-    let (sum, squares) = d.iter().fold((Vec3A::ZERO, Vec3A::ZERO), |(s, q), d| {
-        (s + *d, q + *d * *d)
-    });
-    (sum * sum - squares) / (d.len() * (d.len() - 1)) as f32
-}
-
-/// Estimated variance of the mean of independent numbers.
-fn variance_of_mean(x: &[Vec3A]) -> Vec3A {
-    let mean = x.iter().sum::<Vec3A>() / x.len() as f32;
-    let squares: Vec3A = x.iter().map(|x| (*x - mean) * (*x - mean)).sum();
-    squares / (x.len() * (x.len() - 1)) as f32
-}
-
-/// Median of the batches by channel, of an even number of them the mean of the middle two.
-fn median(x: &[Vec3A]) -> Vec3A {
-    let channel = |c: usize| {
-        let mut sorted = [0.0; BATCHES];
-        let sorted = &mut sorted[..x.len()];
-        sorted.iter_mut().zip(x).for_each(|(s, x)| *s = x[c]);
-        sorted.sort_by(f32::total_cmp);
-        0.5 * (sorted[(x.len() - 1) / 2] + sorted[x.len() / 2])
-    };
-    Vec3A::new(channel(0), channel(1), channel(2))
 }

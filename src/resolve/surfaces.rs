@@ -14,8 +14,8 @@
 use super::coarse::{CELL, Caps, Coarse, brought};
 use super::filter::Size;
 use super::guide::{Guide, Inner, Surface};
-use super::layer::Batches;
-use super::{only_light, variance_of_mean};
+use super::layer::{Batches, variance_of_mean};
+use super::only_light;
 use crate::image::film::Window;
 use crate::image::level_film::{BATCHES, FEATURES, Features, LevelFilm};
 use crate::math::{Rgb, Vec3A};

@@ -1,12 +1,13 @@
 use super::coarse::{Caps, Coarse, Missing};
 use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface};
-use super::layer::{Batches, Candidate, common, seen_again, without_largest};
+use super::layer::{
+    Batches, Candidate, common, median, seen_again, squared_difference, variance_of_mean, without_largest,
+};
 use super::tiles::{BASE, STEP, rest};
 use super::*;
 use crate::image::film::Window;
-use crate::image::level_film::PathLevels;
-use crate::image::level_film::{FEATURES, Features};
+use crate::image::level_film::{BATCHES, FEATURES, Features, PathLevels};
 use crate::image::relative::{mean_of, relative_errors};
 use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
 

@@ -1,6 +1,5 @@
 //! The choice in tiles, with as much around them as filters reach.
 
-use super::Limits;
 use super::coarse::{Caps, Coarse, Missing};
 use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface, reach};
@@ -8,9 +7,10 @@ use super::layer::{
     Batches, COMMON_RADIUS, Candidate, Choice, RADIUS, SHARE_RADIUS, WIDE_RADIUS, Weights,
 };
 use crate::image::film::Window;
-use crate::image::level_film::{BATCHES, Features, LevelFilm};
+use crate::image::level_film::{BATCHES, Features, LevelFilm, MAX_LEVELS};
 use crate::math::{Rgb, Vec3A};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::sync::Mutex;
 
 /// Pixels a side of the tiles: large ones, which have less around them, where they give every thread work.
@@ -35,6 +35,66 @@ const GLINT: f32 = 1.2;
 /// Pixels around a tile whose candidates its choice depends on: shares of choices, which depend on those around, these on noise and
 /// bias around, and these on one pixel more.
 const AROUND: usize = 2 * (SHARE_RADIUS + WIDE_RADIUS) + COMMON_RADIUS + 1;
+
+/// Smoothing that a picture of several levels may get.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum Resolve {
+    /// None: the means of all samples as they are, of several levels those of level 0, plain path tracing.
+    None,
+    /// Every pixel gets the level with the least error.
+    Sharp,
+    /// Every pixel gets the level with the least error, and blurs where they make it less.
+    #[default]
+    Default,
+}
+
+/// Candidates of the choice, and how easily they are believed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// Most levels.
+    pub(super) levels: usize,
+    /// Standard deviations in pixels of blurs of the light that all levels share, ascending.
+    pub(super) shared: &'static [f32],
+    /// The same of the light of roughened vertices.
+    pub(super) roughened: &'static [f32],
+    /// The same of one more blur, the widest, of the only level.
+    pub(super) wide: Option<f32>,
+    /// κ of both layers: share of the noise of a sharper candidate that a difference must exceed; below 0 noise counts as bias.
+    pub(super) kappa: [f32; 2],
+}
+
+impl Limits {
+    /// Limits of a setting for a film with this number of levels. Measured in docs/lab/resolve.md, of one level in docs/lab/photons.md.
+    pub(super) fn of(settings: Resolve, levels: usize) -> Self {
+        let all = Self::of_levels(settings);
+        match levels {
+            // Light of roughened vertices has edges of shadows and textures, and no other level shows what is noise.
+            1 => Self {
+                wide: (!all.roughened.is_empty()).then_some(6.0),
+                kappa: all.kappa.map(|kappa| kappa - 0.5),
+                ..all
+            },
+            _ => all,
+        }
+    }
+
+    fn of_levels(settings: Resolve) -> Self {
+        let (levels, shared, roughened): (usize, &[f32], &[f32]) = match settings {
+            Resolve::None => (1, &[], &[]),
+            Resolve::Sharp => (MAX_LEVELS, &[], &[]),
+            Resolve::Default => (MAX_LEVELS, &[1.0, 2.0], &[0.7, 1.5, 3.0]),
+        };
+        Self {
+            levels,
+            shared,
+            roughened,
+            wide: None,
+            kappa: [0.0, 0.25],
+        }
+    }
+}
 
 /// Data of a film that all tiles share.
 pub(super) struct Shared<'a> {

@@ -315,16 +315,18 @@ impl LightSource {
 
     /// Stream of a light path of sample number `sample`. Points of a sequence are in the order of a Z-curve through the pixels, so
     /// that the light paths of every aligned square of 2^m x 2^m pixels are an aligned run. Samples are independent.
-    pub(crate) fn stream(&self, path: u32, sample: u32) -> LightStream {
+    pub(crate) fn stream(&self, path: u32, sample: u32) -> PathStream {
         let sequence = self.sequences.map(|seed| {
             let (x, y) = (path % self.columns, path / self.columns);
             let block = u64::from(y >> 16) << 48 | u64::from(x >> 16) << 32;
             let key = mix(seed.0 ^ block ^ u64::from(sample));
             sobol::Sequence::new(key, interleaved(x, y))
         });
-        LightStream {
+        PathStream {
             rest: self.independent.stream(UVec2::new(path, 0), sample),
-            vertices: Vertices::of(sequence),
+            sequence,
+            drawn: 0,
+            many_lens_points: true,
         }
     }
 }
@@ -341,102 +343,70 @@ fn interleaved(x: u32, y: u32) -> u32 {
     spread(x) | spread(y) << 1
 }
 
-/// A sequence of Sobol points, if there is one, and the vertices drawn from it.
+/// Stream of [`CameraSource`] or of light paths: points of a sequence, if there is one, and independent numbers after them.
 #[derive(Clone, Debug)]
-struct Vertices {
+pub struct PathStream {
+    rest: IndependentStream,
     sequence: Option<sobol::Sequence>,
+    /// Vertices drawn from the sequence.
     drawn: u32,
+    /// True if points on the lens are independent: every vertex of a light path draws one.
+    many_lens_points: bool,
 }
 
-impl Vertices {
-    fn of(sequence: Option<sobol::Sequence>) -> Self {
-        Self { sequence, drawn: 0 }
-    }
-
-    /// Numbers of the next vertex, those of later ones from `rest`.
-    #[inline]
-    fn next(&mut self, rest: &mut IndependentStream) -> VertexU {
-        match &self.sequence {
-            Some(sequence) if self.drawn < sobol::VERTICES => {
-                self.drawn += 1;
-                sequence.vertex(self.drawn - 1)
-            }
-            _ => rest.vertex(),
-        }
-    }
-}
-
-/// Stream of [`CameraSource`].
-#[derive(Clone, Debug)]
-pub struct CameraStream {
-    rest: IndependentStream,
-    vertices: Vertices,
-}
-
-/// Stream of [`LightSource`]. Points on the lens are independent, since every vertex draws one.
-#[derive(Clone, Debug)]
-pub(crate) struct LightStream {
-    rest: IndependentStream,
-    vertices: Vertices,
-}
-
-impl Sampler for LightStream {
+impl Sampler for PathStream {
     #[inline]
     fn next_bits(&mut self) -> u32 {
         self.rest.next_bits()
     }
 
     fn emission(&mut self) -> EmissionU {
-        match &self.vertices.sequence {
+        match &self.sequence {
             Some(sequence) => sequence.emission(),
             None => self.rest.emission(),
         }
     }
 
-    #[inline]
-    fn vertex(&mut self) -> VertexU {
-        self.vertices.next(&mut self.rest)
-    }
-}
-
-impl SampleSource for CameraSource {
-    type Stream = CameraStream;
-
-    fn stream(&self, pixel: UVec2, sample: u32) -> CameraStream {
-        let sequence = (self.sequences > 0).then(|| {
-            let (index, batch) = (sample / self.sequences, sample % self.sequences);
-            let place = u64::from(batch) << 60 | u64::from(pixel.y) << 30 | u64::from(pixel.x);
-            sobol::Sequence::new(mix(place ^ self.seed.0), index)
-        });
-        CameraStream {
-            rest: self.independent.stream(pixel, sample),
-            vertices: Vertices::of(sequence),
-        }
-    }
-}
-
-impl Sampler for CameraStream {
-    #[inline]
-    fn next_bits(&mut self) -> u32 {
-        self.rest.next_bits()
-    }
-
     fn film(&mut self) -> Vec2 {
-        match &self.vertices.sequence {
+        match &self.sequence {
             Some(sequence) => sequence.film(),
             None => self.rest.film(),
         }
     }
 
     fn lens(&mut self) -> Vec2 {
-        match &self.vertices.sequence {
-            Some(sequence) => sequence.lens(),
-            None => self.rest.lens(),
+        match &self.sequence {
+            Some(sequence) if !self.many_lens_points => sequence.lens(),
+            _ => self.rest.lens(),
         }
     }
 
     #[inline]
     fn vertex(&mut self) -> VertexU {
-        self.vertices.next(&mut self.rest)
+        match &self.sequence {
+            Some(sequence) if self.drawn < sobol::VERTICES => {
+                self.drawn += 1;
+                sequence.vertex(self.drawn - 1)
+            }
+            _ => self.rest.vertex(),
+        }
+    }
+}
+
+impl SampleSource for CameraSource {
+    type Stream = PathStream;
+
+    fn stream(&self, pixel: UVec2, sample: u32) -> PathStream {
+        let sequence = (self.sequences > 0).then(|| {
+            let (index, batch) = (sample / self.sequences, sample % self.sequences);
+            let place = u64::from(batch) << 60 | u64::from(pixel.y) << 30 | u64::from(pixel.x);
+            sobol::Sequence::new(mix(place ^ self.seed.0), index)
+        });
+        PathStream {
+            rest: self.independent.stream(pixel, sample),
+            sequence,
+            drawn: 0,
+            many_lens_points: false,
+        }
     }
 }

@@ -6,207 +6,50 @@
 use crate::bsdf::Bsdf;
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
 use medium::Media;
-use std::collections::HashMap;
 use std::sync::OnceLock;
 
 pub mod accel;
 pub(crate) mod backdrop;
 pub(crate) mod bodies;
-pub mod camera;
+pub(crate) mod camera;
 mod features;
 pub mod finish;
 mod floor;
 mod framing;
 pub(crate) mod geometry;
+mod hit;
 mod instances;
 pub mod lamp;
 pub mod light;
 pub(crate) mod lighting;
 pub mod limits;
 pub mod load;
-pub mod material;
+pub(crate) mod material;
 pub(crate) mod medium;
-pub mod mesh;
+pub(crate) mod mesh;
 mod normals;
+mod parts;
 pub mod procedural;
 pub(crate) mod pyramid;
-
 pub(crate) mod sensor;
 mod shells;
-
-pub mod texture;
+pub(crate) mod texture;
 
 pub(crate) use backdrop::Backdrop;
-pub use camera::{Camera, FilmSize, Lens};
+pub use camera::{Camera, FilmSize, Lens, Projection};
 pub use features::Features;
 pub use geometry::Geometry;
+pub use hit::{Hit, TriangleId};
 pub use light::{
     Aim, Beam, Emission, EmissionDensity, EmissionSample, Environment, Falloff, LightDensity,
     LightSample, Lights, PunctualLight, Target,
 };
-pub use material::Material;
+pub use material::{AlphaMode, Material, TextureRef};
 pub use medium::Medium;
 pub use mesh::{Mesh, SharedMesh};
-
+pub use parts::SceneParts;
 pub use sensor::{Footprint, Sensor, Sighting};
-
-pub use texture::Texture;
-
-/// Everything a scene is made of, as plain data.
-#[derive(Clone, Debug, Default)]
-pub struct SceneParts {
-    /// Triangle meshes in world space.
-    pub meshes: Vec<Mesh>,
-    /// Meshes that are shown at several poses and kept once. The program shares where copies would take much memory; see
-    /// [`load`].
-    pub shared: Vec<SharedMesh>,
-    /// Materials; `Mesh::material` is an index into this list.
-    pub materials: Vec<Material>,
-    /// Textures; materials hold indices into this list.
-    pub textures: Vec<Texture>,
-    /// Point, spot and directional lights.
-    pub lights: Vec<PunctualLight>,
-    /// Radiance from infinity.
-    pub environment: Option<Environment>,
-    /// Medium outside of all bodies; `None` for nothing.
-    pub medium: Option<Medium>,
-    /// Cameras, in file order.
-    pub cameras: Vec<Camera>,
-    /// True if each boundary of a body knows both its sides: it refracts by its own index, whatever it bounds and whatever
-    /// bodies are around. Scenes of other renderers are made so.
-    pub own_boundaries: bool,
-    /// True if the last mesh is the [floor](SceneParts::lay_floor) of the studio.
-    pub has_floor: bool,
-}
-
-impl SceneParts {
-    /// Adds a material.
-    pub fn add_material(&mut self, material: Material) -> u32 {
-        self.materials.push(material);
-        self.materials.len() as u32 - 1
-    }
-
-    /// Adds meshes of one material.
-    pub fn add(&mut self, material: Material, meshes: impl IntoIterator<Item = Mesh>) -> u32 {
-        let material = self.add_material(material);
-        self.meshes
-            .extend(meshes.into_iter().map(|mesh| Mesh { material, ..mesh }));
-        material
-    }
-
-    /// Adds a pinhole camera at `from` that looks at `to`, with a vertical field of view in degrees.
-    pub fn add_camera(&mut self, from: [f32; 3], to: [f32; 3], fov_y: f32) {
-        let name = "camera".to_owned();
-        let fov_y = fov_y.to_radians();
-        self.cameras.push(Camera {
-            name,
-            ..Camera::look_at(from.into(), to.into(), Vec3::Y, fov_y)
-        });
-    }
-
-    /// All meshes, the shared ones once and in their own space.
-    pub fn all_meshes(&self) -> impl Iterator<Item = &Mesh> {
-        let shared = self.shared.iter().map(|shared| &shared.mesh);
-        self.meshes.iter().chain(shared)
-    }
-
-    /// Builds the coarser images of textures that the camera sees as means over its pixels; true for each material that has
-    /// one, empty for none.
-    fn filter_textures(&mut self) -> Vec<bool> {
-        let mut shown = vec![false; self.materials.len()];
-        for mesh in self.all_meshes() {
-            if let Some(shown) = shown.get_mut(mesh.material as usize) {
-                *shown = true;
-            }
-        }
-        let texture = |m: &Material| m.filtered(&self.textures);
-        let maps: Vec<Option<u32>> = (self.materials.iter().zip(shown))
-            .map(|(m, shown)| texture(m).filter(|_| shown))
-            .collect();
-        texture::build_mips(&mut self.textures, |i| maps.contains(&Some(i as u32)));
-        match maps.iter().any(Option::is_some) {
-            true => maps.iter().map(Option::is_some).collect(),
-            false => Vec::new(),
-        }
-    }
-
-    /// Gives these meshes, by their place among all, materials without a thickness.
-    fn make_thin(&mut self, thin: &[usize]) {
-        let mut copies = HashMap::new();
-        let shared = self.shared.iter_mut().map(|shared| &mut shared.mesh);
-        for (_, mesh) in (self.meshes.iter_mut().chain(shared).enumerate())
-            .filter(|(i, _)| thin.binary_search(i).is_ok())
-        {
-            mesh.material = *copies.entry(mesh.material).or_insert_with_key(|&of| {
-                let copy = Material {
-                    solid: false,
-                    ..self.materials[of as usize].clone()
-                };
-                self.materials.push(copy);
-                self.materials.len() as u32 - 1
-            });
-        }
-    }
-}
-
-/// A triangle of a scene: where it is in memory, and which instance shows it, since all instances together may show more than
-/// 32 bits count. Sorted in scene order: what no instances share, then instance by instance.
-///
-/// One number, which is copied as one, with the alignment of what surrounds it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[repr(C, packed(4))]
-pub struct TriangleId(u64);
-
-impl TriangleId {
-    /// A triangle by [`TriangleId::instance`] and [`TriangleId::index`].
-    #[inline(always)]
-    pub(crate) const fn new(instance: u32, index: u32) -> Self {
-        Self((instance as u64) << 32 | index as u64)
-    }
-
-    /// A triangle that no instances share.
-    #[inline(always)]
-    pub const fn single(index: u32) -> Self {
-        Self::new(0, index)
-    }
-
-    /// Number of the instance, from 1; 0 for a triangle that no instances share.
-    #[inline(always)]
-    pub const fn instance(self) -> u32 {
-        (self.0 >> 32) as u32
-    }
-
-    /// Index among the triangles in memory: those that no instances share, then those of each shared mesh once.
-    #[inline(always)]
-    pub const fn index(self) -> u32 {
-        self.0 as u32
-    }
-
-    /// Both numbers in one.
-    #[inline(always)]
-    fn bits(self) -> u64 {
-        self.0
-    }
-
-    /// The triangle `places` places after this one in the same mesh.
-    #[inline(always)]
-    pub(crate) fn after(self, places: u32) -> Self {
-        Self(self.0 + u64::from(places))
-    }
-}
-
-/// A ray's closest hit: 20 bytes.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Hit {
-    /// Distance along the ray.
-    pub t: f32,
-    /// The triangle.
-    pub triangle: TriangleId,
-    /// Barycentric weight of the second corner.
-    pub u: f32,
-    /// Barycentric weight of the third corner.
-    pub v: f32,
-}
+pub use texture::{Texels, Texture, Wrap};
 
 /// A point of a surface, the same for every ray that meets it.
 #[derive(Clone, Copy, Debug)]

@@ -3,9 +3,10 @@
 use crate::support::render;
 use crate::support::scenes::point_light_over_plane;
 use opsr::image::film::{Film, Window};
-use opsr::integrator::aov::{Aovs, Centres, FirstHit, LightSplit, PixelTime};
 use opsr::integrator::trace::trace;
-use opsr::integrator::{Picture, Recorded, Settings, View};
+use opsr::integrator::{
+    Aovs, Centres, FirstHit, LightSplit, Picture, PixelTime, Recorded, Settings, View,
+};
 use opsr::math::{UVec2, Vec2};
 use opsr::regularise::{Accumulated, Factors, Rule};
 use opsr::scene::Scene;

@@ -6,12 +6,11 @@ use glam::{Affine2, Vec2 as Uv};
 use opsr::bsdf::Bsdf;
 use opsr::math::{Ray, Rgb, Vec2, Vec3};
 use opsr::regularise::Rule;
-use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::procedural::materials::{clearcoated, coated, diffuse, emitter, metal};
 use opsr::scene::procedural::shapes::{quad, sphere};
-use opsr::scene::texture::Wrap;
 use opsr::scene::{
-    Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, Texture,
+    AlphaMode, Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts,
+    Texture, TextureRef, Wrap,
 };
 use opsr_lab::verify::chi_square;
 use std::f32::consts::PI;

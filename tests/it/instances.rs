@@ -8,10 +8,12 @@ use opsr::integrator::Settings;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind;
 use opsr::math::{Ray, Rgb, Vec3};
-use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
 use opsr::scene::procedural::shapes::{quad, room, sphere};
-use opsr::scene::{Geometry, Material, Mesh, Scene, SceneParts, SharedMesh, Texture, TriangleId};
+use opsr::scene::{
+    AlphaMode, Geometry, Material, Mesh, Scene, SceneParts, SharedMesh, Texture, TextureRef,
+    TriangleId,
+};
 use opsr_lab::stats::agreement::agree;
 use rand::RngExt;
 use rand_pcg::Pcg32;

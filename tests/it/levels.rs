@@ -5,8 +5,7 @@ use super::support::scenes::{point_light_over_plane, two_mirrors};
 use opsr::image::film::Window;
 use opsr::image::level_film::LevelFilm;
 use opsr::image::{Buffer, Film};
-use opsr::integrator::amounts::{LevelError, SCALES};
-use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Settings, View};
+use opsr::integrator::{Amounts, Estimator, FirstHit, LevelError, Picture, SCALES, Settings, View};
 use opsr::math::moments::Moments;
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
@@ -146,9 +145,11 @@ fn levels_agree_with_renders_of_their_own() {
                     ..
                 }) => Rule::constant((gamma * scale).min(1.0)),
                 _ => {
-                    let mut own = rule.clone();
-                    own.table_mut().expect("a table").scale = *scale;
-                    own
+                    let table = rule.table().expect("a table").clone();
+                    Rule::with_table(AttenuationTable {
+                        scale: *scale,
+                        ..table
+                    })
                 }
             };
             let own = grouped(&scene, &settings(own, &[], 2), 16, 64, 16);

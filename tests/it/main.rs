@@ -11,6 +11,7 @@ mod bidirectional;
 mod boundaries;
 mod bsdf;
 mod chaos;
+mod circles;
 mod clearcoat;
 mod cli;
 mod compare;

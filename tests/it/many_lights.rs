@@ -3,8 +3,7 @@
 use super::support::assert_likely;
 use super::support::render::{film, film_with, mean, scene};
 use opsr::integrator::Settings;
-use opsr::math::discrete::{AliasTable, Distribution2D};
-use opsr::math::{DVec2, Ray, Rgb, UVec2, Vec2, Vec3};
+use opsr::math::{Ray, Rgb, UVec2, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
 use opsr::scene::procedural::materials::{diffuse, emitter};
@@ -18,69 +17,6 @@ use opsr_lab::verify::simple::Simple;
 
 fn stream(seed: u64) -> IndependentStream {
     Independent { seed: Seed(seed) }.stream(UVec2::ZERO, 0)
-}
-
-#[test]
-fn chi_square_of_alias_tables_of_many_skewed_outcomes() {
-    // One lamp a thousand times as strong as all others together; powers over six decades.
-    let beside_a_lamp = |n: usize| {
-        let dim = move |i| if i == 0 { 1e3 } else { 1.0 / n as f64 };
-        (0..n).map(dim).collect::<Vec<f64>>()
-    };
-    let mut u = stream(1);
-    let spread: Vec<f64> = (0..1_000_000)
-        .map(|_| 10f64.powf(-6.0 * f64::from(u.next_1d())))
-        .collect();
-    let mut found = Vec::new();
-    for (name, weights) in [
-        ("lamp and 1e5", beside_a_lamp(100_000)),
-        ("lamp and 1e6", beside_a_lamp(1_000_000)),
-        ("six decades", spread),
-    ] {
-        let table = AliasTable::new(&weights);
-        let draws = 10_000_000;
-        let mut counts = vec![0u32; weights.len()];
-        for _ in 0..draws {
-            let (i, _) = table.sample(u.vertex().light.pick).unwrap();
-            counts[i] += 1;
-        }
-        let total: f64 = weights.iter().sum();
-        let expected: Vec<f64> = weights
-            .iter()
-            .map(|w| w / total * f64::from(draws))
-            .collect();
-        found.push((p_value(&counts, &expected), name.to_owned()));
-        // All dim outcomes together.
-        let dim: u32 = counts[1..].iter().sum();
-        let pooled = [counts[0], dim];
-        let expected = [expected[0], expected[1..].iter().sum()];
-        if expected[0] > 10.0 {
-            found.push((p_value(&pooled, &expected), format!("{name}, pooled")));
-        }
-    }
-    assert_likely(&found);
-}
-
-#[test]
-fn chi_square_of_dim_texels_beside_a_sun() {
-    // A row of an 8k map: 4096 texels that have a billionth of the sun's probability each, then the sun.
-    const N: usize = 8192;
-    let weights: Vec<f64> = (0..N).map(|x| if x == N / 2 { 1e9 } else { 1.0 }).collect();
-    let map = Distribution2D::new(N, &weights).unwrap();
-    let (dim, draws) = (N / 2, 1_000_000);
-    let below = dim as f64 / (1e9 + N as f64 - 1.0);
-    let mut counts = vec![0u32; dim];
-    let mut u = stream(2);
-    for _ in 0..draws {
-        let ([x, _], _, pmf) = map.sample(DVec2::new(u.vertex().light.pick * below, 0.5));
-        // The rounding of the sums may move the last draws into the sun.
-        if let Some(count) = counts.get_mut(x) {
-            *count += 1;
-            assert!((pmf * 1e9 - 1.0).abs() < 1e-3, "{pmf}");
-        }
-    }
-    let expected = vec![f64::from(draws) / dim as f64; dim];
-    assert_likely(&[(p_value(&counts, &expected), "texels".to_owned())]);
 }
 
 /// A floor under an emissive ball of many triangles, seen below the ball.

@@ -6,10 +6,11 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
-use opsr::scene::material::TextureRef;
 use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass};
 use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
-use opsr::scene::{Environment, Material, Mesh, PunctualLight, Scene, SceneParts, Texture};
+use opsr::scene::{
+    Environment, Material, Mesh, PunctualLight, Scene, SceneParts, Texture, TextureRef,
+};
 use opsr_lab::stats::agreement::agree;
 use opsr_lab::verify::simple::Simple;
 

@@ -1,7 +1,6 @@
 //! Phase functions: densities and samples against the distribution function.
 
-use opsr::bsdf::Bsdf;
-use opsr::bsdf::phase::Phase;
+use opsr::bsdf::{Bsdf, Phase};
 use opsr::math::{Frame, UVec2, Vec3};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr_lab::verify::chi_square;

@@ -4,9 +4,11 @@ use crate::geometry::{
     bumpy_sphere, direction, geometry_of, mesh_of, parts_of, point, rng, square,
 };
 use opsr::math::{Frame, Ray, Vec2, Vec3};
-use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::procedural::shapes;
-use opsr::scene::{Geometry, Hit, Material, Mesh, Scene, SceneParts, Surface, Texture, TriangleId};
+use opsr::scene::{
+    AlphaMode, Geometry, Hit, Material, Mesh, Scene, SceneParts, Surface, Texture, TextureRef,
+    TriangleId,
+};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 

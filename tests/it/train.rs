@@ -17,9 +17,10 @@ use opsr_train::Config;
 use opsr_train::evaluate::curves::Curves;
 use opsr_train::evaluate::replay::Replay;
 use opsr_train::evaluate::{MomentSource, Moments};
-use opsr_train::record::crop::{Crop, EPSILON};
+use opsr_train::record::crop::Crop;
 use opsr_train::record::event::MeanAndSquare;
 use opsr_train::record::recording::{Recording, Tape};
+use opsr_train::record::target::EPSILON;
 
 /// A small crop of the box with glass and copper, with a reference at a known factor.
 pub(crate) fn crop(edge: u32) -> Crop {

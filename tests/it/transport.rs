@@ -7,13 +7,11 @@ use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, Lookup, Rule};
 use opsr::sampler::{Independent, Seed};
-use opsr::scene::camera::Projection;
-use opsr::scene::material::TextureRef;
 use opsr::scene::procedural::materials::{
     GOLD, clearcoated, coated, diffuse, emitter, glass, metal, tinted_glass, translucent,
 };
 use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
-use opsr::scene::{Environment, Material, Scene, SceneParts, Texture};
+use opsr::scene::{Environment, Material, Projection, Scene, SceneParts, Texture, TextureRef};
 use opsr_lab::gallery::{self, caustic_box, cornell_box};
 use opsr_lab::stats::agreement::agree;
 use opsr_lab::verify::simple::Simple;

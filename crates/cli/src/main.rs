@@ -8,8 +8,7 @@
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use exit::{Exit, Failure};
-use opsr::render::spec::renamed;
-use opsr::render::{Fault, Names};
+use opsr::render::{Fault, Names, renamed};
 use output::note;
 use std::io::IsTerminal;
 use std::process::ExitCode;

@@ -2,8 +2,8 @@
 
 use crate::build::shapes;
 use opsr::math::{Vec3, Vec4};
+use opsr::scene::Mesh;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::mesh::Mesh;
 
 /// Least and most pieces of a span of a curve, and the radians that a piece bends.
 const PIECES: [f32; 2] = [2.0, 24.0];

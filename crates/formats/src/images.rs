@@ -9,8 +9,7 @@ use opsr::math::Rgb;
 use opsr::memory;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::load::textures::Source;
-use opsr::scene::material::TextureRef;
-use opsr::scene::texture::{Texels, Texture, Wrap};
+use opsr::scene::{Texels, Texture, TextureRef, Wrap};
 use std::borrow::Cow;
 
 /// Key of a texture: file, whether it is encoded (`None`: if its values have eight bits), wrap, and sharp edges.

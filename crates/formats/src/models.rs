@@ -5,8 +5,8 @@ use crate::build::looks::{self, Paint};
 use crate::build::{Placed, face_normals_outwards};
 use glam::DAffine3;
 use opsr::math::Rgb;
+use opsr::scene::Mesh;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::mesh::Mesh;
 use std::collections::HashMap;
 
 const NO_FACES: &str = "has no faces: points alone are not shown";

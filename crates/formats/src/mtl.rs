@@ -6,9 +6,8 @@ use super::{Context, Look};
 use crate::build::looks::{self, Paint};
 use glam::Affine2;
 use opsr::math::{Rgb, Vec2, luminance};
-use opsr::scene::Material;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::texture::Wrap;
+use opsr::scene::{Material, Wrap};
 use std::collections::HashMap;
 
 /// Materials by name.

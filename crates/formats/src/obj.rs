@@ -2,8 +2,8 @@
 
 use crate::build::colour::linear;
 use opsr::math::{Vec2, Vec3, Vec4};
+use opsr::scene::Mesh;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::mesh::Mesh;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::str::SplitWhitespace;

@@ -3,8 +3,8 @@
 use crate::build::colour::linear;
 use opsr::math::{Vec2, Vec3};
 use opsr::memory;
+use opsr::scene::Mesh;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::mesh::Mesh;
 
 /// Most elements of a kind.
 const MOST_ELEMENTS: usize = 1 << 26;

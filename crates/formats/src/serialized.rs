@@ -2,8 +2,8 @@
 
 use opsr::math::{Vec2, Vec3};
 use opsr::memory;
+use opsr::scene::Mesh;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::mesh::Mesh;
 
 /// Most vertices or triangles.
 const MOST: u64 = 1 << 26;

@@ -1,8 +1,7 @@
 //! The first surfaces of a frame: at the centre of every pixel, with their places in the next and the last frame.
 
 use opsr::image::film::Window;
-use opsr::integrator::View;
-use opsr::integrator::aov::centre;
+use opsr::integrator::{View, centre};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::scene::{Hit, Scene};
 use rayon::prelude::*;

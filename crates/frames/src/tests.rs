@@ -35,7 +35,7 @@ fn random(frame: u32, pixel: usize) -> f32 {
 fn camera(shift: f32) -> Camera {
     let from = Vec3::new(shift * PIXEL, 0.0, 3.0);
     let mut camera = Camera::look_at(from, from - Vec3::Z, Vec3::Y, 1.0);
-    camera.projection = opsr::scene::camera::Projection::Orthographic { half_height: HALF };
+    camera.projection = opsr::scene::Projection::Orthographic { half_height: HALF };
     camera
 }
 

@@ -2,9 +2,9 @@
 
 use super::options::Options;
 use glam::DAffine3;
+use opsr::Aov;
 use opsr::image::Buffer;
 use opsr::image::film::Window;
-use opsr::integrator::layers::Aov;
 use opsr::integrator::trace::{TracedPath, trace};
 use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3, luminance};

@@ -20,9 +20,6 @@ pub use read::{read_film, read_layers, read_rgb};
 pub(crate) use write::{write, write_film_beside};
 pub use write::{write_film, write_layers, write_rgb};
 
-/// Pictures above this number of pixels are refused before memory is taken for them.
-pub(crate) const MAX_PIXELS: usize = 1 << 28;
-
 /// Name of the attribute that holds the metadata.
 const METADATA: &str = "opsr";
 

@@ -8,13 +8,11 @@ use std::path::Path;
 use ::exr::prelude as exrs;
 use exrs::{ReadChannels, ReadLayers};
 
-use super::{
-    Layers, MAX_PIXELS, MEAN_ERROR, METADATA, Metadata, invalid, join, problem, unsupported,
-};
+use super::{Layers, MEAN_ERROR, METADATA, Metadata, invalid, join, problem, unsupported};
 use crate::files::{FileError, Problem};
 use crate::image::Buffer;
 use crate::image::batches::Sharing;
-use crate::image::film::{Film, Window};
+use crate::image::film::{Film, MAX_PIXELS, Window};
 use crate::math::moments::Moments;
 use crate::math::{DVec3, UVec2};
 

@@ -20,9 +20,9 @@ use crate::integrator::View;
 use crate::math::{Ray, UVec2, Vec2, Vec3, luminance};
 use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
 use crate::scene::light::aim::MIN_UNIFORM;
-use crate::scene::{Aim, Beam, Camera, EmissionSample, Material, Scene, Target};
+use crate::scene::{Aim, Beam, EmissionSample, Material, Scene, Target};
 use rayon::prelude::*;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// Light paths that find the shares.
 const PATHS: u32 = 1 << 13;
@@ -65,57 +65,14 @@ const LEAST_SHARE: f64 = 0.005;
 /// Squared weight of light that other strategies find well: light that reaches its vertex by rough surfaces alone.
 const EASY: f64 = 0.05;
 
-/// The aim of the last view, kept from pass to pass.
-#[derive(Clone, Debug, Default)]
-pub struct Aimed(Arc<Mutex<Option<Kept>>>);
-
-#[derive(Debug)]
-struct Kept {
-    camera: Camera,
-    frame: UVec2,
-    aim: Arc<Aim>,
-}
-
-impl Aimed {
-    /// A given aim for the camera and frame of a view.
-    pub fn fixed(view: &View<'_>, aim: Aim) -> Self {
-        Self(Arc::new(Mutex::new(Some(Kept {
-            camera: view.sensor.camera.clone(),
-            frame: view.sensor.frame,
-            aim: Arc::new(aim),
-        }))))
-    }
-}
-
 impl Bidirectional {
-    /// Where light is aimed in a view, as [`Integrator::pass`](crate::integrator::Integrator::pass) finds it.
-    pub fn aim_of(&self, view: &View<'_>) -> Aim {
-        self.aim(view).as_ref().clone()
-    }
-
-    /// Where light is aimed in a view: the same for every window of its frame.
-    pub(in crate::integrator) fn aim(&self, view: &View<'_>) -> Arc<Aim> {
+    /// Where light is aimed in a view: the same for every window of its frame, as
+    /// [`Integrator::pass`](crate::integrator::Integrator::pass) finds it.
+    pub fn aim(&self, view: &View<'_>) -> Arc<Aim> {
         let View { sensor, scene, .. } = view;
-        let lock = || self.aimed.0.lock().unwrap_or_else(|e| e.into_inner());
-        let same = |kept: &&Kept| kept.frame == sensor.frame && kept.camera == *sensor.camera;
-        let found = lock().as_ref().filter(same).map(|kept| kept.aim.clone());
-        if let Some(aim) = found {
-            return aim;
-        }
-        // Without the lock: threads that wait for their light paths may come here.
-        let whole = View::new(
-            scene,
-            sensor.camera,
-            sensor.frame,
-            Window::full(sensor.frame),
-        );
-        let aim = Arc::new(self.find_aim(&whole));
-        *lock() = Some(Kept {
-            camera: sensor.camera.clone(),
-            frame: sensor.frame,
-            aim: aim.clone(),
-        });
-        aim
+        let whole = Window::full(sensor.frame);
+        let whole = View::new(scene, sensor.camera, sensor.frame, whole);
+        self.aimed.aim(view, || self.find_aim(&whole))
     }
 
     fn find_aim(&self, view: &View<'_>) -> Aim {

@@ -10,8 +10,7 @@ use crate::integrator::walk::camera::CameraWalks;
 use crate::math::UVec2;
 use crate::regularise::Accumulated;
 use crate::sampler::{
-    CameraSource, CameraStream, Domain, Independent, LightSource, LightStream, SampleSource,
-    SamplerKind, Seed,
+    CameraSource, Domain, Independent, LightSource, PathStream, SampleSource, SamplerKind, Seed,
 };
 use crate::scene::Aim;
 use std::f32::consts::PI;
@@ -116,12 +115,12 @@ impl Bidirectional {
 
 impl Iteration<'_> {
     /// Random numbers of a light path.
-    pub(super) fn light_stream(&self, path: u32) -> LightStream {
+    pub(super) fn light_stream(&self, path: u32) -> PathStream {
         self.light.stream(path, self.sample)
     }
 
     /// Random numbers of a camera path.
-    pub(super) fn camera_stream(&self, pixel: UVec2) -> CameraStream {
+    pub(super) fn camera_stream(&self, pixel: UVec2) -> PathStream {
         self.camera.stream(pixel, self.sample)
     }
 }

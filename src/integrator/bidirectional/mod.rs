@@ -1,7 +1,7 @@
 //! Bidirectional transport: every light path is connected to the camera and to every vertex of a camera path, or merges
 //! with the camera paths that come near it.
 //!
-//! One iteration is one sample a pixel. It walks one light path per pixel of the *full* frame, at most [`MAX_LIGHT_PATHS`],
+//! One iteration is one sample a pixel. It walks one light path per pixel of the *full* frame, at most `MAX_LIGHT_PATHS`,
 //! and connects the camera path of pixel p to light path p mod N. Light paths depend on the seed, their number and the
 //! iteration only: any thread count, split into passes, and crop give bit-identical pixels. Without merging a light path
 //! and the camera paths that it serves are walked together, so that no light vertex outlives them; with merging all
@@ -10,8 +10,9 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `aim` | where light paths are sent: at what throws caustics, and at what the camera sees |
-//! | [`weights`] | multiple importance sampling over all strategies: pure recursions |
+//! | `estimator` | the settings |
+//! | `aim`, `aimed` | where light paths are sent: at what throws caustics, and at what the camera sees |
+//! | `weights` | multiple importance sampling over all strategies: pure recursions |
 //! | `vertex` | a scattering vertex: its value, the densities of both walks, and whether its neighbours may merge |
 //! | `walk` | one walk from either end: edges, draws, running numbers |
 //! | `guides` | the guides of camera paths for blurs of the picture |
@@ -28,10 +29,12 @@
 //! | `split` | learned roughening where no strategy is good |
 
 mod aim;
+mod aimed;
 #[cfg(test)]
 #[path = "../../../tests/unit/audit/mod.rs"]
 mod audit;
 mod connect;
+mod estimator;
 mod guides;
 mod iteration;
 mod merge;
@@ -45,54 +48,17 @@ mod split;
 mod strategies;
 mod vertex;
 mod walk;
-pub mod weights;
+mod weights;
 
 use super::{Integrator, Picture, View};
-use crate::regularise::Accumulated;
-use crate::sampler::SamplerKind;
-pub use aim::Aimed;
-use guides::Guides;
+pub use aimed::Aimed;
+pub use estimator::Bidirectional;
+pub(crate) use estimator::MAX_LIGHT_PATHS;
 pub(super) use pair::Pairs;
 pub use radius::Radius;
 use sample::SampleLayer;
 use std::ops::Range;
 pub use strategies::{Strategies, Strategy};
-
-/// Most light paths of an iteration.
-pub const MAX_LIGHT_PATHS: u32 = 1 << 20;
-
-/// A bidirectional path tracer, or one of its strategies.
-#[derive(Clone, Debug)]
-pub struct Bidirectional {
-    /// The strategies that count.
-    pub strategies: Strategies,
-    /// The radius of merges; `None` for connections only.
-    pub merging: Option<Radius>,
-    /// Factors on that radius at which [`Strategies::Density`] counts the same photons, ascending from 1; empty for the radius
-    /// alone.
-    pub radii: Vec<f32>,
-    /// True if the picture is kept in batches, with guides for its blur.
-    pub batched: bool,
-    /// No connections but light samples, beside merges.
-    pub light_sampling_only: bool,
-    /// Radius of the kernel for paths that no strategy can sample, over half the diagonal of the scene: that of sample 1,
-    /// for sample n times n^(−1/6) `[PSR (6)]`. Without merging only.
-    pub mollifier: Option<f32>,
-    /// Accumulated roughness of the last vertex, where no strategy finds the path well. With [`Strategies::Only`] the
-    /// picture lacks what is roughened.
-    pub split: Option<Accumulated>,
-    /// Scattering vertices of the longest path, at least 1.
-    pub max_vertices: u32,
-    /// Vertex (from 1) at which Russian roulette of camera walks begins, that of light walks three before.
-    pub roulette_start: u32,
-    /// Seed of all random numbers.
-    pub seed: u64,
-    /// Random numbers of light paths, and of camera paths where the picture is kept in batches. Elsewhere those are independent, so
-    /// that samples are, and the variances of a film are unbiased.
-    pub sampler: SamplerKind,
-    /// Where light was aimed in the last view.
-    pub aimed: Aimed,
-}
 
 impl Integrator for Bidirectional {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {

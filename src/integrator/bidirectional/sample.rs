@@ -3,7 +3,7 @@
 //! All pixels share the light paths. If the first sample is stopped, those that were walked stand for all: their splats and
 //! photons count more, and a pixel has a sample if its camera path was walked. Its expectation is that of a whole sample.
 
-use super::Guides;
+use super::guides::Guides;
 use super::iteration::Iteration;
 use super::merge::Densities;
 use super::paths::LightPath;

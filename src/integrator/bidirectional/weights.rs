@@ -35,7 +35,7 @@
 use std::ops::{Add, Div, Mul};
 
 /// Arithmetic of the weights.
-pub trait Real:
+pub(crate) trait Real:
     Copy + From<f32> + PartialOrd + Add<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
 }
@@ -49,7 +49,7 @@ pub(crate) const MIN_COS: f32 = 1e-6;
 
 /// The running numbers of a walk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Partial<T> {
+pub(crate) struct Partial<T> {
     /// Reciprocal density of the last vertex; 0 if no connection can cut the last edge.
     pub vcm: T,
     /// Densities of all strategies that cut an earlier edge or merge before, over this walk's.
@@ -60,7 +60,7 @@ pub struct Partial<T> {
 
 /// Merging beside connecting.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Merging<T> {
+pub(crate) struct Merging<T> {
     /// M = π r² N; 0 if nothing merges.
     m: T,
     /// 1/M; 0 if nothing merges.
@@ -73,7 +73,7 @@ pub struct Merging<T> {
 
 impl<T: Real> Merging<T> {
     /// No merging: connections only.
-    pub fn none() -> Self {
+    pub(crate) fn none() -> Self {
         let (zero, one) = (T::from(0.0), T::from(1.0));
         Self {
             m: zero,
@@ -84,7 +84,7 @@ impl<T: Real> Merging<T> {
     }
 
     /// Merging with M = `m` > 0.
-    pub fn new(m: T) -> Self {
+    pub(crate) fn new(m: T) -> Self {
         let one = T::from(1.0);
         Self {
             m,
@@ -96,7 +96,7 @@ impl<T: Real> Merging<T> {
 
     /// The same where light sampling is the only connection, for walks from the camera and for walks from a light: of a
     /// path only the edge at the light is cut, the first of a light walk and the last of a camera walk that meets it.
-    pub fn light_sampling_only(self) -> [Self; 2] {
+    pub(crate) fn light_sampling_only(self) -> [Self; 2] {
         let zero = T::from(0.0);
         [Self { cut: zero, ..self }, Self { keep: zero, ..self }]
     }
@@ -104,7 +104,7 @@ impl<T: Real> Merging<T> {
 
 /// Densities at a smooth vertex.
 #[derive(Clone, Copy, Debug)]
-pub struct Step<T> {
+pub(crate) struct Step<T> {
     /// Absolute geometric cosine towards the next vertex.
     pub cos_out: T,
     /// Density per steradian with which this walk draws the next direction.
@@ -115,7 +115,7 @@ pub struct Step<T> {
 
 /// One end of a connecting edge.
 #[derive(Clone, Copy, Debug)]
-pub struct End<T> {
+pub(crate) struct End<T> {
     /// Running numbers of the walk that ends here, after arrival.
     pub partial: Partial<T>,
     /// Density per area with which the *other* walk, drawing the edge from the other end, meets this end.
@@ -138,7 +138,7 @@ impl<T: Real> Partial<T> {
     ///
     /// [`Sensor::pdf`]: crate::scene::Sensor::pdf
     #[inline]
-    pub fn camera(pdf: T, light_paths: T) -> Self {
+    pub(crate) fn camera(pdf: T, light_paths: T) -> Self {
         Self {
             vcm: light_paths / pdf,
             vc: T::from(0.0),
@@ -149,7 +149,7 @@ impl<T: Real> Partial<T> {
     /// Numbers of a light path at its start: densities of its point and its direction, and the cosine at an area light
     /// (1 for the environment, 0 for lights that no camera walk can meet).
     #[inline]
-    pub fn light(
+    pub(crate) fn light(
         pdf_position: T,
         pdf_direction: T,
         infinite: bool,
@@ -173,7 +173,7 @@ impl<T: Real> Partial<T> {
     /// The walk meets its next vertex. `distance2` is the squared length of the edge, `None` on the first edge from a
     /// light at infinity or of a parallel camera.
     #[inline]
-    pub fn arrive(&mut self, distance2: Option<T>, cos_in: T) {
+    pub(crate) fn arrive(&mut self, distance2: Option<T>, cos_in: T) {
         if let Some(distance2) = distance2 {
             self.vcm = self.vcm * distance2;
         }
@@ -185,13 +185,13 @@ impl<T: Real> Partial<T> {
     /// The walk from a light meets its first vertex, from which light sampling draws the light's point with `ratio` times the
     /// density of emission samples: they are two techniques, of which only the first knows the vertex.
     #[inline]
-    pub fn sampled(&mut self, ratio: T) {
+    pub(crate) fn sampled(&mut self, ratio: T) {
         self.vcm = self.vcm * ratio;
     }
 
     /// The walk goes on along a smooth lobe.
     #[inline]
-    pub fn scatter(&mut self, step: &Step<T>, merging: &Merging<T>) {
+    pub(crate) fn scatter(&mut self, step: &Step<T>, merging: &Merging<T>) {
         let Self { vcm, vc, vm } = *self;
         let factor = step.cos_out / step.pdf;
         let vcm = merging.cut * vcm;
@@ -202,14 +202,14 @@ impl<T: Real> Partial<T> {
 
     /// Adds merges at the vertex before, after the walk has arrived at the next one: `factor` is c_out / (p_f c_in).
     #[inline]
-    pub fn add_merges(&mut self, factor: T, merging: &Merging<T>) {
+    pub(crate) fn add_merges(&mut self, factor: T, merging: &Merging<T>) {
         self.vc = self.vc + factor * merging.m;
         self.vm = self.vm + factor;
     }
 
     /// The walk goes on along a Dirac lobe; `index2` is (n_in / n_out)², 1 for a reflection.
     #[inline]
-    pub fn dirac(&mut self, cos_in: T, index2: T) {
+    pub(crate) fn dirac(&mut self, cos_in: T, index2: T) {
         self.vc = self.vc * (cos_in * index2);
         self.vm = self.vm * (cos_in * index2);
         self.vcm = T::from(0.0);
@@ -231,7 +231,7 @@ impl<T: Real> End<T> {
 /// there, of position times direction. For an area light `partial` is taken after arrival, for the environment before. A
 /// light that the camera's own ray meets has weight 1: no other strategy finds it.
 #[inline]
-pub fn hit<T: Real>(partial: &Partial<T>, sampled: T, emitted: T) -> T {
+pub(crate) fn hit<T: Real>(partial: &Partial<T>, sampled: T, emitted: T) -> T {
     let one = T::from(1.0);
     one / (one + sampled * partial.vcm + emitted * partial.vc)
 }
@@ -240,21 +240,21 @@ pub fn hit<T: Real>(partial: &Partial<T>, sampled: T, emitted: T) -> T {
 /// lights without area; `camera` the shading point, met by emission samples, with their density over that of the light
 /// sample.
 #[inline]
-pub fn light_sample<T: Real>(pdf_hit: T, camera: &End<T>, merging: &Merging<T>) -> T {
+pub(crate) fn light_sample<T: Real>(pdf_hit: T, camera: &End<T>, merging: &Merging<T>) -> T {
     let one = T::from(1.0);
     one / (one + pdf_hit + camera.others(merging))
 }
 
 /// Weight of a connection of two walks.
 #[inline]
-pub fn connection<T: Real>(light: &End<T>, camera: &End<T>, merging: &Merging<T>) -> T {
+pub(crate) fn connection<T: Real>(light: &End<T>, camera: &End<T>, merging: &Merging<T>) -> T {
     let one = T::from(1.0);
     one / (one + light.others(merging) + camera.others(merging))
 }
 
 /// Weight of a light walk's vertex that is connected to the camera; `light.pdf_area` is the density of one camera ray.
 #[inline]
-pub fn camera_sample<T: Real>(light: &End<T>, light_paths: T, merging: &Merging<T>) -> T {
+pub(crate) fn camera_sample<T: Real>(light: &End<T>, light_paths: T, merging: &Merging<T>) -> T {
     let one = T::from(1.0);
     one / (one + light.others(merging) / light_paths)
 }
@@ -263,7 +263,7 @@ pub fn camera_sample<T: Real>(light: &End<T>, light_paths: T, merging: &Merging<
 /// per steradian with which the camera walk goes on along the light walk's last edge, `pdf_reverse` that with which the
 /// light walk goes on along the camera walk's; `merging` is the camera walk's.
 #[inline]
-pub fn merge<T: Real>(
+pub(crate) fn merge<T: Real>(
     light: &Partial<T>,
     camera: &Partial<T>,
     pdf: T,
@@ -275,3 +275,6 @@ pub fn merge<T: Real>(
     let w_c = merging.cut * camera.vcm * merging.inverse + pdf_reverse * camera.vm;
     one / (one + w_l + w_c)
 }
+
+#[cfg(test)]
+mod tests;

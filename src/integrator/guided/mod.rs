@@ -12,7 +12,7 @@
 
 mod directions;
 mod field;
-pub mod quadtree;
+mod quadtree;
 
 use super::pieces::{Driver, Tile};
 use super::walk::Walk;

@@ -40,7 +40,7 @@ impl Node {
 
 /// A density over directions.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Quadtree {
+pub(crate) struct Quadtree {
     /// The root first; a node before its children.
     nodes: Vec<Node>,
 }
@@ -56,7 +56,7 @@ impl Default for Quadtree {
 
 /// The point of the square for a direction; both coordinates are in [0, 1).
 #[inline]
-pub fn square(dir: Vec3) -> Vec2 {
+pub(crate) fn square(dir: Vec3) -> Vec2 {
     let x = (0.5 * dir.z + 0.5).clamp(0.0, 1.0f32.next_down());
     let turn = dir.y.atan2(dir.x) / TAU;
     let y = if turn < 0.0 { turn + 1.0 } else { turn };
@@ -65,7 +65,7 @@ pub fn square(dir: Vec3) -> Vec2 {
 
 /// The direction for a point of the square.
 #[inline]
-pub fn direction(p: Vec2) -> Vec3 {
+pub(crate) fn direction(p: Vec2) -> Vec3 {
     let z = 2.0 * p.x - 1.0;
     let r = (4.0 * p.x * (1.0 - p.x)).max(0.0).sqrt();
     let (sin, cos) = (TAU * p.y).sin_cos();
@@ -95,7 +95,7 @@ impl Quadtree {
 
     /// Density of a direction per steradian; 0 for an empty tree.
     #[inline]
-    pub fn pdf(&self, dir: Vec3) -> f32 {
+    pub(crate) fn pdf(&self, dir: Vec3) -> f32 {
         if self.is_empty() {
             return 0.0;
         }
@@ -114,7 +114,7 @@ impl Quadtree {
 
     /// A direction of this density from numbers in [0, 1)², and the density; the tree is not empty.
     #[inline]
-    pub fn sample(&self, mut u: Vec2) -> (Vec3, f32) {
+    pub(crate) fn sample(&self, mut u: Vec2) -> (Vec3, f32) {
         let (mut low, mut side, mut node) = (Vec2::ZERO, 1.0, &self.nodes[0]);
         let mut pdf = SPHERE_PDF;
         loop {
@@ -149,7 +149,7 @@ impl Quadtree {
 
 /// Sums of what paths found, from which a [`Quadtree`] is made.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sums {
+pub(crate) struct Sums {
     /// Σ v of the values in a quarter.
     tree: Quadtree,
     /// Σ v².
@@ -169,7 +169,7 @@ impl Default for Sums {
 impl Sums {
     /// Edge of the leaf around a point.
     #[inline]
-    pub fn leaf_edge(&self, mut p: Vec2) -> f32 {
+    pub(crate) fn leaf_edge(&self, mut p: Vec2) -> f32 {
         let nodes = &self.tree.nodes;
         let (mut side, mut node) = (0.5, &nodes[0]);
         loop {
@@ -183,7 +183,7 @@ impl Sums {
 
     /// Adds a value, above 0, at a point.
     #[inline]
-    pub fn add(&mut self, mut p: Vec2, value: f32) {
+    pub(crate) fn add(&mut self, mut p: Vec2, value: f32) {
         // No sum of such values overflows.
         let value = value.min(1e30);
         let (nodes, mut at) = (&mut self.tree.nodes, 0);
@@ -201,7 +201,7 @@ impl Sums {
     }
 
     /// The density of these sums, which become those of the next iteration: empty, and fine where the density is high.
-    pub fn finish(&mut self) -> Quadtree {
+    pub(crate) fn finish(&mut self) -> Quadtree {
         let nodes = &mut self.tree.nodes;
         for at in (0..nodes.len()).rev() {
             for quarter in 0..4 {
@@ -274,3 +274,6 @@ impl Sums {
         fine
     }
 }
+
+#[cfg(test)]
+mod tests;

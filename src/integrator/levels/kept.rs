@@ -4,12 +4,42 @@
 //! four batches of every level. The values of a sample are fewer, and most of them repeat others: levels that leave a path
 //! alone have the same light, and the first rough surface is the first one. Values equal to their prediction are not stored.
 
-use super::PathSums;
 use crate::image::film::FilmBand;
 use crate::image::level_film::{FEATURES, Features, LevelBand, MAX_LEVELS, PathLevels};
+use crate::integrator::walk::features::PathFeatures;
 use crate::math::Rgb;
 
-/// Values of one path.
+/// Radiance of one path.
+pub(in crate::integrator) struct PathSums<const N: usize> {
+    /// An independent estimate at every level.
+    pub(super) levels: [Rgb; N],
+    /// Light that no level roughens: the same at all levels. Of one level, light that no blur takes.
+    pub(super) shared: Rgb,
+    /// Guides that the path has met.
+    pub(super) features: PathFeatures,
+    /// Light that plain path tracing cannot find, at the least roughened level that can.
+    pub(super) unseen: Rgb,
+}
+
+impl<const N: usize> PathSums<N> {
+    pub(super) fn new() -> Self {
+        Self {
+            levels: [Rgb::ZERO; N],
+            shared: Rgb::ZERO,
+            features: PathFeatures::default(),
+            unseen: Rgb::ZERO,
+        }
+    }
+
+    /// Adds light of a vertex that no level roughens.
+    #[inline]
+    pub(super) fn add_shared(&mut self, value: Rgb) {
+        self.shared += value;
+        self.levels.iter_mut().for_each(|t| *t += value);
+    }
+}
+
+/// Values of one path, with room for the most levels.
 pub(super) struct Path {
     levels: [Rgb; MAX_LEVELS],
     shared: Rgb,

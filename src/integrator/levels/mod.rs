@@ -21,7 +21,6 @@ mod vertex;
 
 use super::View;
 use super::amounts::{LevelError, SCALES, Scales};
-use super::walk::features::PathFeatures;
 use super::walk::observer::{PathObserver, Recorder};
 use super::walk::roughening::scattered;
 use super::walk::{Arrival, Carried, MetEmission, Walk};
@@ -32,6 +31,7 @@ use crate::math::Rgb;
 use crate::regularise::{Accumulated, Rule};
 use crate::sampler::{CameraSource, Sampler};
 use factors::{LevelMemory, ScaledFactors};
+use kept::PathSums;
 use std::ops::Range;
 use tiles::LevelPaths;
 pub(super) use tiles::{estimate, pass_bytes};
@@ -43,21 +43,6 @@ pub(super) struct LevelTracer {
     max_vertices: u32,
     roulette_start: u32,
     factors: ScaledFactors,
-}
-
-/// Values of the levels of one path, of which there are `N` at most.
-type Values<const N: usize> = [Rgb; N];
-
-/// Radiance of one path.
-pub(super) struct PathSums<const N: usize> {
-    /// An independent estimate at every level.
-    levels: Values<N>,
-    /// Light that no level roughens: the same at all levels. Of one level, light that no blur takes.
-    shared: Rgb,
-    /// Guides that the path has met.
-    features: PathFeatures,
-    /// Light that plain path tracing cannot find, at the least roughened level that can.
-    unseen: Rgb,
 }
 
 impl LevelTracer {
@@ -203,22 +188,6 @@ impl<const N: usize> LevelPaths<N> for LevelTracer {
 }
 
 impl<const N: usize> PathSums<N> {
-    fn new() -> Self {
-        Self {
-            levels: [Rgb::ZERO; N],
-            shared: Rgb::ZERO,
-            features: PathFeatures::default(),
-            unseen: Rgb::ZERO,
-        }
-    }
-
-    /// Adds light of a vertex that no level roughens.
-    #[inline]
-    fn add_shared(&mut self, value: Rgb) {
-        self.shared += value;
-        self.levels.iter_mut().for_each(|t| *t += value);
-    }
-
     /// Adds emission at the end of a ray: plain path tracing's, or that of the levels that roughened the vertex before.
     #[inline]
     fn add(&mut self, emission: &PendingLevels<N>, met: &MetEmission<'_>) {

@@ -1,6 +1,6 @@
 //! The picture of a rule's own factors as the only level, with what a blur needs of its paths.
 
-use super::PathSums;
+use super::kept::PathSums;
 use super::tiles::LevelPaths;
 use crate::bsdf::{Lobe, SharedNumbers};
 use crate::integrator::path::PathTracer;

@@ -1,7 +1,6 @@
 //! All paths of a film at several levels, tile by tile.
 
-use super::PathSums;
-use super::kept::{Path, most_words, put, take};
+use super::kept::{Path, PathSums, most_words, put, take};
 use crate::image::film::{Film, FilmBand, Window};
 use crate::image::level_film::{BATCHES, LevelBand, LevelFilm};
 use crate::integrator::View;

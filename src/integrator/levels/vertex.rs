@@ -4,7 +4,6 @@
 //! density of the light sample and p₀ the densities of all draws from lobes added up, samples of every technique return
 //! h / (p_l + p₀), the balance heuristic.
 
-use super::Values;
 use crate::bsdf::{Bsdf, BsdfSample, DELTA_ALPHA, Lobe, LobeQuery};
 use crate::integrator::walk::Carried;
 use crate::integrator::walk::pending_emission::EmissionWeight;
@@ -17,6 +16,9 @@ const SPACING: f32 = 1.7;
 
 /// Steps of the R2 sequence, by which further draws rotate the random numbers of the first.
 const ROTATION: [f32; 2] = [0.754_877_7, 0.569_840_3];
+
+/// Values of the levels of one path, of which there are `N` at most.
+type Values<const N: usize> = [Rgb; N];
 
 /// The lobe of a vertex at all levels, `N` at most.
 #[derive(Clone, Copy)]

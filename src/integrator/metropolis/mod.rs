@@ -26,9 +26,6 @@ use crate::scene::Aim;
 use chain::{LARGE, Means, Numbers, Sources, Target};
 use std::ops::Range;
 
-/// Mutations per pixel of a pass where nobody says otherwise.
-pub(crate) const MUTATIONS: u32 = 16;
-
 /// Mutations for every sample of the bootstrap, and bounds of their number: all pixels of a pass share the noise of its mean.
 const PER_BOOTSTRAP: u64 = 4;
 const BOOTSTRAP: (u64, u64) = (1 << 10, 1 << 18);

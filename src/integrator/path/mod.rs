@@ -11,9 +11,10 @@
 //! correlation is harmless, and a table of zeros makes the bytes of plain path tracing.
 
 use super::walk::observer::PathObserver;
-use super::walk::pending_emission::{EmissionWeight, PendingEmission};
+use super::walk::pending_emission::EmissionWeight;
 use super::walk::roughening::{remember, roughen};
 use super::walk::shading_point::Continuation;
+use super::walk::shading_point::PendingEmission;
 use super::walk::{Arrival, Carried, Walk};
 use crate::bsdf::{Bsdf, Lobe, SharedNumbers};
 use crate::math::Rgb;
@@ -55,7 +56,7 @@ impl<R: Roughening> PathTracer<R> {
     /// Radiance that arrives along a camera walk: one independent estimate.
     ///
     /// `sample` is the number of the sample in its pixel, for rules whose bias vanishes.
-    pub fn radiance<S: Sampler, O: PathObserver>(
+    pub(in crate::integrator) fn radiance<S: Sampler, O: PathObserver>(
         &self,
         walk: Walk<'_>,
         sample: u32,

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`shading_point`] | light sampled from a vertex, emission found by a roughened lobe, the continuation |
 //! | [`roughening`] | roughness at next-event estimation, and the memory of a rule |
-//! | `pending_emission` | the weight of emission at the end of the current ray |
+//! | `pending_emission` | emission at the end of the current ray, and its weight |
 //! | `camera` | walks from the camera, and those of all pixels of a tile |
 //! | `bodies` | bodies around the path, and what they absorb |
 //! | `media` | free flight through media that scatter, and the point where it ends |
@@ -33,10 +33,11 @@ use crate::bsdf::{Bsdf, Lobe};
 use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::sampler::Sampler;
 use crate::scene::sensor::PixelCone;
-use crate::scene::{Hit, Lights, Scene, Surface};
+use crate::scene::{Hit, Scene, Surface};
 /// Media around a point of a path, which absorb light on its way from there.
 pub(super) use bodies::EnclosingBodies as Surroundings;
 use dispersion::Channel;
+pub(super) use pending_emission::{Carried, MetEmission};
 use shading_point::{Continuation, ShadingPoint};
 
 /// The end of a path at which a walk began.
@@ -48,7 +49,7 @@ pub(super) enum Origin {
 
 /// A walk on its way to its next vertex, from the camera or from a light.
 #[derive(Clone, Copy)]
-pub struct Walk<'a> {
+pub(crate) struct Walk<'a> {
     pub(super) scene: &'a Scene,
     /// The end at which it began.
     pub(super) origin: Origin,
@@ -66,25 +67,6 @@ pub struct Walk<'a> {
     from_camera: bool,
     /// The camera's pixel, up to the first vertex, if any texture is filtered over it.
     pixel: PixelCone,
-}
-
-/// Weights of emission at the end of the current edge of a walk, which shrink with its throughput.
-pub(super) trait Carried {
-    /// Multiplies the weights.
-    fn scale(&mut self, factor: Rgb);
-    /// True if no emission at the end of the edge would count.
-    fn is_nothing(&self) -> bool;
-}
-
-/// Nothing beside the throughput.
-impl Carried for () {
-    #[inline]
-    fn scale(&mut self, _: Rgb) {}
-
-    #[inline]
-    fn is_nothing(&self) -> bool {
-        true
-    }
 }
 
 /// The surface at which an edge of a walk ends.
@@ -155,34 +137,7 @@ impl Interaction<'_> {
     }
 }
 
-/// Emission that a walk has met at the end of its edge.
-pub(super) struct MetEmission<'a> {
-    /// Radiance towards the walk.
-    pub(super) radiance: Rgb,
-    lights: &'a Lights,
-    from: Vec3,
-    dir: Vec3,
-    /// The surface that emits; `None` for the environment.
-    surface: Option<&'a Surface>,
-}
-
-impl MetEmission<'_> {
-    /// Density per steradian with which light sampling at the previous vertex draws the direction.
-    #[inline]
-    pub(super) fn pdf_light(&self) -> f32 {
-        match self.surface {
-            Some(surface) => self.lights.pdf_emitter(self.from, surface),
-            None => self.lights.pdf_environment(self.from, self.dir),
-        }
-    }
-}
-
 impl<'a> Walk<'a> {
-    /// A walk along a camera ray from outside of all bodies.
-    pub fn outside(scene: &'a Scene, ray: Ray) -> Self {
-        Self::camera(scene, ray, Surroundings::default())
-    }
-
     /// A walk along a camera ray.
     #[inline]
     fn camera(scene: &'a Scene, ray: Ray, around: Surroundings) -> Self {

@@ -1,9 +1,49 @@
-//! The weight of emission at the end of a ray.
+//! Emission that a walk meets at the end of a ray, and its weight.
 
-use super::observer::{Event, PathObserver};
-use super::{Carried, MetEmission};
-use crate::math::Rgb;
 use crate::math::measure::balance;
+use crate::math::{Rgb, Vec3};
+use crate::scene::{Lights, Surface};
+
+/// Weights of emission at the end of the current edge of a walk, which shrink with its throughput.
+pub(in crate::integrator) trait Carried {
+    /// Multiplies the weights.
+    fn scale(&mut self, factor: Rgb);
+    /// True if no emission at the end of the edge would count.
+    fn is_nothing(&self) -> bool;
+}
+
+/// Nothing beside the throughput.
+impl Carried for () {
+    #[inline]
+    fn scale(&mut self, _: Rgb) {}
+
+    #[inline]
+    fn is_nothing(&self) -> bool {
+        true
+    }
+}
+
+/// Emission that a walk has met at the end of its edge.
+pub(in crate::integrator) struct MetEmission<'a> {
+    /// Radiance towards the walk.
+    pub(in crate::integrator) radiance: Rgb,
+    pub(super) lights: &'a Lights,
+    pub(super) from: Vec3,
+    pub(super) dir: Vec3,
+    /// The surface that emits; `None` for the environment.
+    pub(super) surface: Option<&'a Surface>,
+}
+
+impl MetEmission<'_> {
+    /// Density per steradian with which light sampling at the previous vertex draws the direction.
+    #[inline]
+    pub(in crate::integrator) fn pdf_light(&self) -> f32 {
+        match self.surface {
+            Some(surface) => self.lights.pdf_emitter(self.from, surface),
+            None => self.lights.pdf_environment(self.from, self.dir),
+        }
+    }
+}
 
 /// Weight of the emission at the end of the current ray.
 #[derive(Clone, Copy)]
@@ -45,67 +85,5 @@ impl EmissionWeight {
             Some(pdf_w) => self.throughput * met.radiance * balance(pdf_w, met.pdf_light()),
             None => self.throughput * met.radiance,
         }
-    }
-}
-
-/// The same with an event to report.
-#[derive(Clone, Copy)]
-pub(in crate::integrator) struct PendingEmission {
-    pub(in crate::integrator) weight: EmissionWeight,
-    /// The event to report if the ray meets an emitter, without its light.
-    pub(in crate::integrator) event: Option<Event>,
-}
-
-impl Carried for PendingEmission {
-    #[inline]
-    fn scale(&mut self, factor: Rgb) {
-        self.weight.scale(factor);
-        if let Some(event) = &mut self.event {
-            event.radiance *= factor;
-        }
-    }
-
-    #[inline]
-    fn is_nothing(&self) -> bool {
-        self.weight.is_nothing() && self.event.is_none()
-    }
-}
-
-impl PendingEmission {
-    /// Emission that was counted already.
-    pub(in crate::integrator) const COUNTED: Self = Self {
-        weight: EmissionWeight {
-            throughput: Rgb::ZERO,
-            pdf_w: None,
-        },
-        event: None,
-    };
-
-    /// Emission without an event.
-    #[inline]
-    pub(in crate::integrator) fn of(weight: EmissionWeight) -> Self {
-        Self {
-            weight,
-            event: None,
-        }
-    }
-
-    /// The contribution of emission; an event is reported.
-    #[inline]
-    pub(in crate::integrator) fn contribution<O: PathObserver>(
-        &self,
-        met: &MetEmission<'_>,
-        observer: &mut O,
-    ) -> Rgb {
-        if O::EVENTS
-            && let Some(event) = self.event
-        {
-            observer.event(&Event {
-                radiance: event.radiance * met.radiance,
-                pdf_light: met.pdf_light(),
-                ..event
-            });
-        }
-        self.weight.contribution(met)
     }
 }

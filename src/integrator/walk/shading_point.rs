@@ -1,8 +1,8 @@
 //! One vertex of a path: light sampled from it, emission that its roughened lobe finds, and the continuation.
 
-use super::Surroundings;
+use super::bodies::EnclosingBodies as Surroundings;
 use super::observer::{Event, PathObserver, Technique};
-use super::pending_emission::{EmissionWeight, PendingEmission};
+use super::pending_emission::{Carried, EmissionWeight, MetEmission};
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Lobe, LobeNumbers, LobeQuery, SharedNumbers};
 use crate::math::measure::balance;
 use crate::math::{Frame, Ray, Rgb, Vec3};
@@ -358,5 +358,67 @@ impl ShadingPoint<'_> {
     #[inline]
     pub fn lobe_event(&self, alpha: f32, u: &SharedNumbers) -> Option<Event> {
         self.found_event(&self.find_emission(alpha, u)?)
+    }
+}
+
+/// An [`EmissionWeight`] with an event to report.
+#[derive(Clone, Copy)]
+pub(in crate::integrator) struct PendingEmission {
+    pub(in crate::integrator) weight: EmissionWeight,
+    /// The event to report if the ray meets an emitter, without its light.
+    pub(in crate::integrator) event: Option<Event>,
+}
+
+impl Carried for PendingEmission {
+    #[inline]
+    fn scale(&mut self, factor: Rgb) {
+        self.weight.scale(factor);
+        if let Some(event) = &mut self.event {
+            event.radiance *= factor;
+        }
+    }
+
+    #[inline]
+    fn is_nothing(&self) -> bool {
+        self.weight.is_nothing() && self.event.is_none()
+    }
+}
+
+impl PendingEmission {
+    /// Emission that was counted already.
+    pub(in crate::integrator) const COUNTED: Self = Self {
+        weight: EmissionWeight {
+            throughput: Rgb::ZERO,
+            pdf_w: None,
+        },
+        event: None,
+    };
+
+    /// Emission without an event.
+    #[inline]
+    pub(in crate::integrator) fn of(weight: EmissionWeight) -> Self {
+        Self {
+            weight,
+            event: None,
+        }
+    }
+
+    /// The contribution of emission; an event is reported.
+    #[inline]
+    pub(in crate::integrator) fn contribution<O: PathObserver>(
+        &self,
+        met: &MetEmission<'_>,
+        observer: &mut O,
+    ) -> Rgb {
+        if O::EVENTS
+            && let Some(event) = self.event
+        {
+            observer.event(&Event {
+                radiance: event.radiance * met.radiance,
+                pdf_light: met.pdf_light(),
+                ..event
+            });
+        }
+        self.weight.contribution(met)
     }
 }

@@ -15,8 +15,7 @@ mod tree;
 
 pub use aim::{Aim, Beam, Target};
 pub use emission::{EmissionDensity, EmissionSample};
-pub use environment::Environment;
-pub use environment::read_hdr;
+pub use environment::{Environment, read_hdr};
 pub use punctual::{Falloff, PunctualLight};
 
 use super::{Geometry, Hit, SceneParts, Surface};

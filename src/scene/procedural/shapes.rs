@@ -360,11 +360,6 @@ impl Mesh {
         self.mapped(Affine3A::from_translation(to))
     }
 
-    /// Stretched along the axes, by positive factors.
-    pub fn stretched(self, by: Vec3) -> Self {
-        self.mapped(Affine3A::from_scale(by))
-    }
-
     fn mapped(mut self, map: Affine3A) -> Self {
         let normals = map.matrix3.inverse().transpose();
         for p in &mut self.positions {

@@ -92,12 +92,12 @@ fn agreement_of_aimed_with_uniform_emission() {
 fn light_is_aimed_where_it_gains() {
     for (name, parts) in fields() {
         let scene = scene(parts);
-        let aim = estimator(Strategies::All, true, 0).aim_of(&view(&scene));
+        let aim = estimator(Strategies::All, true, 0).aim(&view(&scene));
         assert!(!aim.is_uniform() || name == "many lamps", "{name}");
     }
     let cornell_box = scene(gallery::cornell_box());
     for strategies in [Strategies::All, Strategies::Light, Strategies::Density] {
-        let aim = estimator(strategies, true, 0).aim_of(&view(&cornell_box));
+        let aim = estimator(strategies, true, 0).aim(&view(&cornell_box));
         assert!(aim.is_uniform());
     }
 }
@@ -118,7 +118,7 @@ fn determinism_of_shares_over_threads_windows_and_runs() {
     let found = |threads: usize, view: &View<'_>, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let settings = estimator(Strategies::All, true, seed);
-        pool.expect("threads").install(|| settings.aim_of(view))
+        pool.expect("threads").install(|| settings.aim(view))
     };
     let first = found(1, &whole, 0);
     assert!(!first.is_uniform());

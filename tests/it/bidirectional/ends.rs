@@ -6,11 +6,10 @@ use crate::support::render::scene;
 use opsr::image::Buffer;
 use opsr::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::camera::Projection;
 use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::scene::{
-    Aim, Beam, Camera, EmissionSample, Environment, Lens, Material, PunctualLight, Scene,
-    SceneParts, Sensor, Target,
+    Aim, Beam, Camera, EmissionSample, Environment, Lens, Material, Projection, PunctualLight,
+    Scene, SceneParts, Sensor, Target,
 };
 use opsr_lab::verify::chi_square::{integrate, p_value};
 use std::f32::consts::PI;

@@ -1,4 +1,4 @@
-//! Light paths and connections: densities of the ends, algebra of the weights, agreement with the path tracer.
+//! Light paths and connections: densities of the ends, agreement with the path tracer.
 
 mod agreement;
 mod aim;
@@ -14,7 +14,6 @@ mod scenes;
 mod slopes;
 mod split;
 mod strategies;
-mod weights;
 
 use opsr::scene::SceneParts;
 use opsr_lab::gallery::{caustic_box, cornell_box};

@@ -2,13 +2,14 @@
 
 use opsr::image::Buffer;
 use opsr::math::{Frame, Rgb, Vec3};
-use opsr::scene::camera::Projection;
-use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::procedural::materials::{
     coated, diffuse, emitter, glass, metal, tinted_glass, translucent,
 };
 use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
-use opsr::scene::{Environment, Lens, Material, PunctualLight, SceneParts, Texture};
+use opsr::scene::{
+    AlphaMode, Environment, Lens, Material, Projection, PunctualLight, SceneParts, Texture,
+    TextureRef,
+};
 
 const HALF: Rgb = Rgb::splat(0.5);
 

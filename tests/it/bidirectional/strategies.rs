@@ -5,9 +5,8 @@ use super::scenes::{lit, point_lit, sheets, with_sphere};
 use crate::support::render::{film_with, scene};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::{Radius, Strategies, Strategy};
-use opsr::integrator::{Estimator, Integrator, Picture, Settings, View, Walk};
+use opsr::integrator::{Estimator, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
-use opsr::regularise::Unregularised;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::procedural::materials::{coated, diffuse, metal};
 use opsr::scene::{Material, Scene, SceneParts};
@@ -20,26 +19,25 @@ fn exact_length(scene: &Scene, edges: u32, spp: u32) -> Film {
     let mut film = Film::new(UVec2::splat(SIZE));
     let source = Independent { seed: Seed(5) };
     let view = View::of(scene, &scene.parts().cameras[0], &film);
-    let sensor = view.sensor;
-    let radiance = |depth: u32, pixel: UVec2, sample| {
-        let tracer = Settings {
+    let radiance = |depth: u32, sample: u32| {
+        let settings = Settings {
             max_vertices: depth,
+            seed: source.seed.0,
             ..Settings::default()
-        }
-        .tracer(Unregularised);
-        let mut stream = source.stream(pixel, sample);
-        let ray = sensor.ray(pixel.as_vec2() + stream.film());
-        tracer.radiance(Walk::outside(scene, ray), sample, &mut stream, &mut ())
+        };
+        let mut picture = Picture::new(Film::new(UVec2::splat(SIZE)));
+        (settings.integrator()).pass(&view, sample..sample + 1, &mut picture);
+        picture.film.mean()
     };
-    for index in 0..film.pixels.len() {
-        for sample in 0..spp {
-            let pixel = film.pixel(index);
-            let (long, short) = (edges - 1, edges - 2);
-            let shorter = match short {
-                0 => radiance_of_emitters(scene, &view, pixel, &source, sample),
-                _ => radiance(short, pixel, sample),
+    for sample in 0..spp {
+        let long = radiance(edges - 1, sample);
+        let short = (edges > 2).then(|| radiance(edges - 2, sample));
+        for index in 0..film.pixels.len() {
+            let shorter = match &short {
+                None => radiance_of_emitters(scene, &view, film.pixel(index), &source, sample),
+                Some(short) => short.pixels[index],
             };
-            film.push(index, radiance(long, pixel, sample) - shorter, sample);
+            film.push(index, long.pixels[index] - shorter, sample);
         }
     }
     film

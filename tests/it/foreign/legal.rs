@@ -3,9 +3,8 @@
 use super::nearest::{png, usual, with_files, xml};
 use super::{message, read};
 use opsr::math::{Rgb, Vec2, Vec3};
-use opsr::scene::camera::Projection;
 use opsr::scene::load::{Loaded, Unsupported};
-use opsr::scene::{Material, Scene};
+use opsr::scene::{Material, Projection, Scene};
 
 /// A scene of pbrt that is read without a word.
 fn silent(text: &str, files: &[(&str, Vec<u8>)]) -> Loaded {

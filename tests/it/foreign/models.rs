@@ -3,8 +3,7 @@
 use opsr::math::{Rgb, Vec2, Vec3, luminance};
 use opsr::scene::load::{FileLight, Loaded, load};
 use opsr::scene::procedural::{materials, shapes};
-use opsr::scene::texture::Texels;
-use opsr::scene::{Material, Mesh, Scene, SceneParts};
+use opsr::scene::{Material, Mesh, Scene, SceneParts, Texels};
 use std::fmt::Write;
 
 /// The first of the files, read beside the others.

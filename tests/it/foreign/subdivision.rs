@@ -1,7 +1,7 @@
 //! Loop's subdivision: limits, normals, boundaries.
 
 use opsr::math::Vec3;
-use opsr::scene::mesh::Mesh;
+use opsr::scene::Mesh;
 use opsr_formats::build::subdivision::subdivided;
 use std::f32::consts::TAU;
 

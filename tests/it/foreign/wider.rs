@@ -3,10 +3,8 @@
 use super::nearest::{png, usual, with_files, xml};
 use super::{message, read};
 use opsr::math::{Rgb, Vec2, Vec3};
-use opsr::scene::camera::Projection;
 use opsr::scene::load::{Loaded, Unsupported};
-use opsr::scene::texture::Wrap;
-use opsr::scene::{Camera, Environment, PunctualLight};
+use opsr::scene::{Camera, Environment, Projection, PunctualLight, Wrap};
 use std::f32::consts::PI;
 
 fn pbrt(text: &str) -> Loaded {

@@ -15,8 +15,7 @@ use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Recorded, Settings
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
 use opsr::scene::load::{LoadOptions, Unsupported, load};
-use opsr::scene::texture::Texels;
-use opsr::scene::{Camera, Environment, Scene};
+use opsr::scene::{Camera, Environment, Scene, Texels};
 use opsr_lab::report::bench::page::page;
 use opsr_lab::report::bench::{Results, Suite, summary};
 use opsr_train::manifest::Manifest;

@@ -5,8 +5,8 @@
 use super::broken::refused;
 use crate::support::gltf::File;
 use crate::support::root;
+use opsr::scene::Texels;
 use opsr::scene::load::{LoadOptions, Loaded, load};
-use opsr::scene::texture::Texels;
 use serde_json::{Value, json};
 
 fn data(name: &str) -> Vec<u8> {

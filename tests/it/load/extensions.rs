@@ -2,8 +2,8 @@
 
 use super::broken::refused;
 use crate::support::gltf::File;
+use opsr::scene::Texels;
 use opsr::scene::load::SUPPORTED;
-use opsr::scene::texture::Texels;
 use serde_json::json;
 
 #[test]

@@ -6,12 +6,9 @@ use crate::support::gltf::{File, load_in};
 use glam::Vec2;
 use image::{DynamicImage, RgbImage, RgbaImage};
 use opsr::math::{Rgb, Vec3};
-use opsr::scene::camera::Projection;
 use opsr::scene::load::LoadOptions;
-use opsr::scene::material::AlphaMode;
 use opsr::scene::procedural::shapes;
-use opsr::scene::texture::{Texels, Wrap};
-use opsr::scene::{Material, Mesh, PunctualLight, SceneParts};
+use opsr::scene::{AlphaMode, Material, Mesh, Projection, PunctualLight, SceneParts, Texels, Wrap};
 use opsr_lab::gallery::glb;
 use serde_json::{Value, json};
 
@@ -281,7 +278,7 @@ fn load_textures_by_use_and_sampler() {
     let loaded = file.loaded();
     let parts = &loaded.parts;
     let m = &parts.materials[0];
-    let of = |t: &Option<opsr::scene::material::TextureRef>| {
+    let of = |t: &Option<opsr::scene::TextureRef>| {
         let index = t.as_ref().expect("a texture").texture;
         (index, &parts.textures[index as usize])
     };
@@ -359,7 +356,7 @@ fn load_texture_transforms() {
         "normalTexture": info(&all),
     }));
     let m = &file.loaded().parts.materials[0];
-    let at = |t: &Option<opsr::scene::material::TextureRef>, u: f32, v: f32| {
+    let at = |t: &Option<opsr::scene::TextureRef>, u: f32, v: f32| {
         let map = t.as_ref().expect("a texture").transform;
         map.transform_point2(Vec2::new(u, v))
     };

@@ -2,7 +2,7 @@
 
 use opsr_train::evaluate::{Adjoint, Moments};
 use opsr_train::learn::loss::{LossBackend, Objective};
-use opsr_train::record::crop::{BRIGHTNESS, EPSILON, Target};
+use opsr_train::record::target::{BRIGHTNESS, EPSILON, Target};
 use rand::{RngExt, SeedableRng};
 
 #[test]

@@ -9,8 +9,7 @@ use opsr::image::exr::{self, Header, Layer, Metadata};
 use opsr::image::png;
 use opsr::math::Vec2;
 use opsr::render::files::{Outputs, can_write, check_distinct};
-use opsr::render::finished::STATED;
-use opsr::render::{Fault, Spec};
+use opsr::render::{Fault, STATED, Spec};
 use opsr_frames::{Averaged, Frame, FrameNames};
 use std::path::{Path, PathBuf};
 

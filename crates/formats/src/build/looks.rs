@@ -3,10 +3,8 @@
 use super::Builder;
 use glam::Affine2;
 use opsr::math::{Rgb, Vec2, luminance};
-use opsr::scene::Material;
 use opsr::scene::finish::{ExactCover, Mix, Translucency};
-use opsr::scene::material::{AlphaMode, TextureRef};
-use opsr::scene::texture::{Texels, Texture, Wrap};
+use opsr::scene::{AlphaMode, Material, Texels, Texture, TextureRef, Wrap};
 
 /// A colour, or a texture times a factor.
 #[derive(Clone, Copy, Debug, PartialEq)]

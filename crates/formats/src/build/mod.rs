@@ -14,8 +14,7 @@ use opsr::memory::{self, Shortage};
 use opsr::scene::limits::{
     EMITTER_BYTES, INSTANCE_BYTES, MAX_COPIES, MAX_ELEMENTS, MAX_MESHES, MIN_SHARED, TRIANGLE_BYTES,
 };
-use opsr::scene::mesh::{Mesh, SharedMesh};
-use opsr::scene::{Material, SceneParts};
+use opsr::scene::{Material, Mesh, SceneParts, SharedMesh};
 use std::collections::HashMap;
 
 /// The way from a mesh's space to the world.

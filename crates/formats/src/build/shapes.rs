@@ -2,7 +2,7 @@
 
 use glam::Quat;
 use opsr::math::{Vec2, Vec3};
-use opsr::scene::mesh::Mesh;
+use opsr::scene::Mesh;
 use std::f32::consts::{PI, TAU};
 
 /// Segments of a full turn.

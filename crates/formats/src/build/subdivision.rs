@@ -1,7 +1,7 @@
 //! Loop's subdivision of triangle meshes: refined some times, then moved to the limit surface, as pbrt does `[PBRT3 §3.8]`.
 
 use opsr::math::Vec3;
-use opsr::scene::mesh::Mesh;
+use opsr::scene::Mesh;
 use std::f32::consts::{PI, TAU};
 
 /// Neighbours of a vertex, counter-clockwise; from one end of the boundary to the other for a vertex on it.

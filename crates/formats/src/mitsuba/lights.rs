@@ -7,10 +7,9 @@ use crate::build::looks::Paint;
 use crate::build::sky;
 use glam::{DAffine3, DVec3};
 use opsr::math::{Frame, Rgb, UVec2, Vec2, Vec3};
-use opsr::scene::camera::Projection;
 use opsr::scene::light::Falloff;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
+use opsr::scene::{Camera, Environment, FilmSize, Lens, Projection, PunctualLight};
 use std::f32::consts::PI;
 
 /// Irradiance of Mitsuba's sun across its beam at a scale of 1, at a turbidity of 3 and a sun 40° high (`skies_by_mitsuba.py`).

@@ -1,8 +1,9 @@
 //! Parameters of Mitsuba 3, and of its predecessor where its names are read.
 
+use super::super::Context;
 use super::super::names::{ALL, Names, row};
 use super::xml::{Link, Object};
-use super::{Context, Result};
+use opsr::scene::load::error::Result;
 
 /// Parameters by element and plugin, the names of textures in it included.
 #[rustfmt::skip]

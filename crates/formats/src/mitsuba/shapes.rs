@@ -7,10 +7,8 @@ use crate::build::looks::{self, Paint};
 use crate::build::{Placed, face_normals_outwards, flip, shapes};
 use glam::{DAffine3, DVec3};
 use opsr::math::{Frame, Rgb, Vec3};
-use opsr::scene::Material;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::material::AlphaMode;
-use opsr::scene::mesh::Mesh;
+use opsr::scene::{AlphaMode, Material, Mesh};
 use std::f32::consts::TAU;
 use std::rc::Rc;
 

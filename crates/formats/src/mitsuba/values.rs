@@ -9,8 +9,7 @@ use crate::build::looks::Paint;
 use glam::{Affine2, DAffine3, DMat4, DVec3, Mat2, Vec2};
 use opsr::math::{Rgb, luminance};
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::material::TextureRef;
-use opsr::scene::texture::Wrap;
+use opsr::scene::{TextureRef, Wrap};
 
 impl Object {
     pub(super) fn property(&self, name: &str) -> Option<&Property> {

@@ -6,10 +6,9 @@ use super::{Scene, affine};
 use crate::build::sky;
 use glam::{DMat3, DVec2, DVec3};
 use opsr::math::{Frame, Rgb, UVec2};
-use opsr::scene::camera::Projection;
 use opsr::scene::light::Falloff;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
+use opsr::scene::{Camera, Environment, FilmSize, Lens, Projection, PunctualLight};
 use std::f64::consts::PI;
 
 /// Factor that gives a light of scale 1 the power or illuminance that a parameter names; `own` is what white light of unit

@@ -4,8 +4,8 @@ use super::tokens::Parameters;
 use super::{Scene, affine};
 use glam::{Affine2, DAffine3, DVec2, DVec3};
 use opsr::math::{Vec2, Vec3};
+use opsr::scene::Mesh;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::mesh::Mesh;
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 

@@ -8,10 +8,9 @@ use crate::build::looks::{self, Paint};
 use crate::build::metals;
 use opsr::bsdf::Distribution;
 use opsr::math::Rgb;
-use opsr::scene::Material;
 use opsr::scene::finish::Anisotropy;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::texture::Wrap;
+use opsr::scene::{Material, Wrap};
 use std::rc::Rc;
 
 /// Roughness below which pbrt's microfacets are a mirror.

@@ -9,9 +9,7 @@ use crate::build::{Placed, face_normals_outwards, flip, shapes, subdivision};
 use glam::{DAffine3, DVec3};
 use opsr::math::{Rgb, Vec2, Vec3, Vec4, luminance};
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::material::AlphaMode;
-use opsr::scene::mesh::Mesh;
-use opsr::scene::texture::Wrap;
+use opsr::scene::{AlphaMode, Mesh, Wrap};
 use std::f64::consts::PI;
 use std::rc::Rc;
 

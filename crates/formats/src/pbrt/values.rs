@@ -10,8 +10,7 @@ use crate::build::metals;
 use glam::{Affine2, DMat3, DVec3, Vec2};
 use opsr::math::Rgb;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::material::TextureRef;
-use opsr::scene::texture::Wrap;
+use opsr::scene::{TextureRef, Wrap};
 
 /// From a colour space of pbrt to linear Rec. 709, with white kept white: columns (ITU-R BT.2087 for Rec. 2020; Display P3; ACES primaries 0
 /// by Bradford's adaptation, SMPTE ST 2065-1).

@@ -3,9 +3,7 @@
 
 use opsr::files::{self, FileError};
 use opsr::math::{Frame, Rgb, Vec3};
-use opsr::scene::camera::Projection;
-use opsr::scene::material::AlphaMode;
-use opsr::scene::{Camera, Material, Mesh, PunctualLight, SceneParts};
+use opsr::scene::{AlphaMode, Camera, Material, Mesh, Projection, PunctualLight, SceneParts};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::path::Path;

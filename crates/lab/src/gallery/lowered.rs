@@ -4,8 +4,7 @@ use opsr::bsdf::fresnel::conductor;
 use opsr::math::{Rgb, Vec2};
 use opsr::scene::finish::{ExactCover, Finish, Translucency};
 use opsr::scene::light::Falloff;
-use opsr::scene::material::{AlphaMode, TextureRef};
-use opsr::scene::{Material, PunctualLight, SceneParts, Texture};
+use opsr::scene::{AlphaMode, Material, PunctualLight, SceneParts, Texture, TextureRef};
 
 /// Scene parts that [`glb`](super::glb) writes, and what is different in them.
 #[derive(Clone, Debug)]

@@ -3,7 +3,8 @@
 use crate::config::constant_table;
 use crate::evaluate::{GAMMA_MIN, MomentSource, Moments, no_gradient};
 use crate::learn::loss::{CropLoss, LossBackend, Objective, mean_loss};
-use crate::record::crop::{Crop, Target};
+use crate::record::crop::Crop;
+use crate::record::target::Target;
 use crate::record::visits::Visits;
 use opsr::regularise::{AttenuationTable, Lookup};
 use rayon::prelude::*;

@@ -6,13 +6,13 @@
 //!
 //! The means are over pixels and colour channels of all crops. I = M₁ is the realised mean of N samples; the second
 //! term is the sample variance of *one* path sample. Every crop is scaled so that its reference has the mean
-//! [`BRIGHTNESS`](crate::record::crop::BRIGHTNESS).
+//! [`BRIGHTNESS`](crate::record::target::BRIGHTNESS).
 //!
 //! The loss is written in burn's tensors and differentiated by burn. The tabulated evaluation uses a scalar
 //! implementation without a graph, with the same roundings ([`LossBackend`]).
 
 use crate::evaluate::{Adjoint, Moments};
-use crate::record::crop::{EPSILON, Target};
+use crate::record::target::{EPSILON, Target};
 use burn::tensor::{Device, Tensor, TensorData};
 
 /// Device of all tensors; burn's successor of this backend is `Device::flex()`.

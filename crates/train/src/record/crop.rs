@@ -4,6 +4,7 @@ use crate::manifest::{CROP, Manifest, Role, SceneEntry};
 use crate::record::proposals::Proposals;
 use crate::record::recording::{Recording, Tape};
 use crate::record::roulette::EventRoulette;
+use crate::record::target::Target;
 use crate::reference::{Reference, SEED};
 use opsr::files::{FileError, hex};
 use opsr::image::Film;
@@ -18,13 +19,6 @@ use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-
-/// ε of MAPE, in units of the scaled reference.
-pub const EPSILON: f32 = 0.01;
-
-/// Mean to which the reference of every crop is scaled. The variance has the unit of radiance squared and MAPE has
-/// none, so that without a common scale β would mean something else in each crop.
-pub const BRIGHTNESS: f32 = 0.3;
 
 /// A window of a scene's image, and its reference.
 #[derive(Clone)]
@@ -53,28 +47,6 @@ pub struct Crop {
     pub reference: Vec<[f32; 3]>,
     /// Mean relative standard error of the reference's pixels, see [`Reference::noise`].
     pub reference_noise: f64,
-}
-
-/// The reference of a crop as the loss sees it.
-#[derive(Clone, Debug)]
-pub struct Target {
-    /// Converged, unregularised radiance, unscaled, row by row.
-    pub reference: Vec<[f32; 3]>,
-    /// Samples per pixel N that the table is learned for.
-    pub samples: u32,
-}
-
-impl Target {
-    /// Factor that scales the reference to the mean [`BRIGHTNESS`]; 1 for a black reference.
-    pub fn scale(&self) -> f32 {
-        let sum: f64 = self.reference.iter().flatten().map(|&v| f64::from(v)).sum();
-        let mean = sum / (3 * self.reference.len().max(1)) as f64;
-        if mean > 0.0 {
-            (f64::from(BRIGHTNESS) / mean) as f32
-        } else {
-            1.0
-        }
-    }
 }
 
 /// Errors of opening and recording crops.

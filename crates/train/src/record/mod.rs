@@ -12,4 +12,5 @@ pub mod lists;
 pub mod proposals;
 pub mod recording;
 pub mod roulette;
+pub mod target;
 pub mod visits;

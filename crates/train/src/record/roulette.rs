@@ -11,7 +11,7 @@
 //! the absolute percentage error of 256 samples grows by 0.6 % in the crops with the least noise, by less than 0.2 % in
 //! others.
 
-use crate::record::crop::{EPSILON, Target};
+use crate::record::target::{EPSILON, Target};
 use opsr::math::UVec2;
 use opsr::sampler::{
     Domain, Independent, IndependentStream, MIN_CHANCE, SampleSource, Sampler, Seed,

@@ -3,12 +3,13 @@
 use super::Numbers;
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::finish::FilmCover;
-use opsr::scene::material::AlphaMode;
 use opsr::scene::procedural::materials::{
     brushed, clearcoated, coated, diffuse, emitter, glass, metal, tinted_glass,
 };
 use opsr::scene::procedural::shapes::{cuboid, cylinder, disc, quad, ring, room, sphere, torus};
-use opsr::scene::{Environment, Lens, Material, Medium, Mesh, PunctualLight, SceneParts};
+use opsr::scene::{
+    AlphaMode, Environment, Lens, Material, Medium, Mesh, PunctualLight, SceneParts,
+};
 use std::f32::consts::TAU;
 
 /// Kinds of scenes.

@@ -1,11 +1,9 @@
 //! The recursive weights against enumeration of all strategies, over random paths: distances, cosines, densities, Dirac
 //! vertices and ends at random, through the functions that the walks call.
 
-use opsr::integrator::bidirectional::weights::{
-    End, Merging, Partial, Real, Step, camera_sample, connection, hit, light_sample, merge,
-};
-use opsr::math::UVec2;
-use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
+use super::*;
+use crate::math::UVec2;
+use crate::sampler::{Independent, SampleSource, Sampler, Seed};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Light {

@@ -1,0 +1,45 @@
+//! The aim that was found for a view.
+
+use crate::integrator::View;
+use crate::math::UVec2;
+use crate::scene::{Aim, Camera};
+use std::sync::{Arc, Mutex};
+
+/// The aim of the last view, kept from pass to pass.
+#[derive(Clone, Debug, Default)]
+pub struct Aimed(Arc<Mutex<Option<Kept>>>);
+
+#[derive(Debug)]
+struct Kept {
+    camera: Camera,
+    frame: UVec2,
+    aim: Arc<Aim>,
+}
+
+impl Aimed {
+    /// A given aim for the camera and frame of a view.
+    pub fn fixed(view: &View<'_>, aim: Aim) -> Self {
+        let aimed = Self::default();
+        aimed.aim(view, || aim);
+        aimed
+    }
+
+    /// The aim for the camera and frame of a view, found unless it is the kept one.
+    pub(super) fn aim(&self, view: &View<'_>, find: impl FnOnce() -> Aim) -> Arc<Aim> {
+        let sensor = &view.sensor;
+        let lock = || self.0.lock().unwrap_or_else(|e| e.into_inner());
+        let same = |kept: &&Kept| kept.frame == sensor.frame && kept.camera == *sensor.camera;
+        let found = lock().as_ref().filter(same).map(|kept| kept.aim.clone());
+        if let Some(aim) = found {
+            return aim;
+        }
+        // Without the lock: threads that wait for their light paths may come here.
+        let aim = Arc::new(find());
+        *lock() = Some(Kept {
+            camera: sensor.camera.clone(),
+            frame: sensor.frame,
+            aim: aim.clone(),
+        });
+        aim
+    }
+}
