@@ -892,7 +892,10 @@ fn resume_refuses_the_checkpoint_of_another_render() {
     let sky = "--spp 4 -o out.exr --checkpoint a.ckpt --resume --env sky.hdr";
     refused(place.render(sky), "another scene", sky);
     // The file of the scene itself, changed.
-    place.save("scene.glb", &crate::support::scenes::point_light_over_plane());
+    place.save(
+        "scene.glb",
+        &crate::support::scenes::point_light_over_plane(),
+    );
     let ended = place.render("--spp 4 -o out.exr --checkpoint a.ckpt --resume");
     assert!(
         ended.code == Some(3) && ended.err.contains("another scene"),

@@ -4,7 +4,7 @@ use super::super::{Meant, film_side};
 use super::tokens::Parameters;
 use super::{Scene, affine};
 use crate::build::sky;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
 use opsr::math::{Frame, Rgb, UVec2};
 use opsr::scene::light::Falloff;
 use opsr::scene::load::error::{Result, fault};
@@ -233,22 +233,7 @@ impl Scene<'_> {
         let film = self.film_size()?;
         let pose = affine(&matrix, place)?;
         let own = f64::from(film.size.x) / f64::from(film.size.y);
-        let aspect = parameters.number("frameaspectratio", own)?;
-        // The shorter axis has [−1, 1].
-        let default = match aspect > 1.0 {
-            true => [-aspect, aspect, -1.0, 1.0],
-            false => [-1.0, 1.0, -1.0 / aspect, 1.0 / aspect],
-        };
-        let window = match parameters.numbers("screenwindow")? {
-            None => default,
-            Some([a, b, c, d]) => [*a, *b, *c, *d],
-            Some(_) => return Err(fault(place, "screenwindow is not four numbers")),
-        };
-        let [x0, x1, y0, y1] = window;
-        let is_sized = x0 < x1 && y0 < y1 && aspect > 0.0 && aspect.is_finite();
-        if !is_sized {
-            return Err(fault(place, "a screen window without area"));
-        }
+        let [x0, x1, y0, y1] = screen_window(&parameters, own)?;
         let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
         let shift = DVec2::new(x0 + x1, y0 + y1) / (2.0 * half_y);
         if (half_x / half_y / own - 1.0).abs() > 1e-3 {
@@ -299,24 +284,11 @@ impl Scene<'_> {
             Some([_, radius]) => [1e-3 * radius, parameters.number("focusdistance", 10.0)?],
         };
         let (radius, focus) = (radius as f32, focus as f32);
-        let m = pose.matrix3;
-        let axis = |v: DVec3| {
-            v.try_normalize()
-                .ok_or_else(|| fault(place, "has no direction"))
-        };
-        let n = -axis(m.z_axis)?;
-        let t = axis(m.y_axis - n * n.dot(m.y_axis))?;
-        // +x is to the right, whatever hand the pose has.
-        let s = t.cross(n);
-        let s = s * s.dot(m.x_axis).signum();
+        let frame = frame(&pose, place)?;
         self.context.parts().cameras.push(Camera {
             name: "camera".into(),
             position: pose.translation.as_vec3(),
-            frame: Frame {
-                s: s.as_vec3(),
-                t: t.as_vec3(),
-                n: n.as_vec3(),
-            },
+            frame,
             projection,
             shift,
             aspect: Some(own as f32),
@@ -393,4 +365,45 @@ impl Scene<'_> {
         };
         Ok(FilmSize { size, crop })
     }
+}
+
+/// Left, right, lower and upper end of the picture on the plane at distance 1, for a frame of this aspect.
+fn screen_window(parameters: &Parameters, own: f64) -> Result<[f64; 4]> {
+    let place = &parameters.place;
+    let aspect = parameters.number("frameaspectratio", own)?;
+    // The shorter axis has [−1, 1].
+    let default = match aspect > 1.0 {
+        true => [-aspect, aspect, -1.0, 1.0],
+        false => [-1.0, 1.0, -1.0 / aspect, 1.0 / aspect],
+    };
+    let window = match parameters.numbers("screenwindow")? {
+        None => default,
+        Some([a, b, c, d]) => [*a, *b, *c, *d],
+        Some(_) => return Err(fault(place, "screenwindow is not four numbers")),
+    };
+    let [x0, x1, y0, y1] = window;
+    let is_sized = x0 < x1 && y0 < y1 && aspect > 0.0 && aspect.is_finite();
+    if !is_sized {
+        return Err(fault(place, "a screen window without area"));
+    }
+    Ok(window)
+}
+
+/// The axes of a camera at a pose.
+fn frame(pose: &DAffine3, place: &str) -> Result<Frame> {
+    let m = pose.matrix3;
+    let axis = |v: DVec3| {
+        v.try_normalize()
+            .ok_or_else(|| fault(place, "has no direction"))
+    };
+    let n = -axis(m.z_axis)?;
+    let t = axis(m.y_axis - n * n.dot(m.y_axis))?;
+    // +x is to the right, whatever hand the pose has.
+    let s = t.cross(n);
+    let s = s * s.dot(m.x_axis).signum();
+    Ok(Frame {
+        s: s.as_vec3(),
+        t: t.as_vec3(),
+        n: n.as_vec3(),
+    })
 }

@@ -67,26 +67,7 @@ impl Scene<'_> {
                 self.roughened(parameters, 0.1, &mut material)?;
                 material
             }
-            "translucent" => {
-                let base = self.paint(parameters, "Kd", Paint::from(0.25))?;
-                let shine = self.colour(parameters, "Ks", Rgb::splat(0.25), Meant::Reflected)?;
-                let mut of =
-                    |name: &str| self.colour(parameters, name, Rgb::splat(0.5), Meant::Reflected);
-                let (reflect, transmit) = (of("reflect")?, of("transmit")?);
-                let part = |share: Rgb| Paint {
-                    factor: base.factor * share,
-                    ..base
-                };
-                let mut material = looks::glossy(part(reflect), shine * reflect, 1.5);
-                self.roughened(parameters, 0.1, &mut material)?;
-                let place = &parameters.place;
-                (self.context).transmit(&mut material, part(transmit), place);
-                if shine * transmit != Rgb::ZERO {
-                    let what = "glossy transmission of `translucent` is left out";
-                    self.context.approximate(place, what);
-                }
-                material
-            }
+            "translucent" => self.translucent(parameters)?,
             "subsurface" | "kdsubsurface" => {
                 let place = &parameters.place;
                 (self.context).nearest(place, "subsurface scattering", "the surface alone")?;
@@ -102,6 +83,27 @@ impl Scene<'_> {
             _ => return Ok(None),
         };
         Ok(Some(material))
+    }
+
+    /// A surface that reflects and transmits.
+    fn translucent(&mut self, parameters: &Parameters) -> Result<Material> {
+        let base = self.paint(parameters, "Kd", Paint::from(0.25))?;
+        let shine = self.colour(parameters, "Ks", Rgb::splat(0.25), Meant::Reflected)?;
+        let mut of = |name: &str| self.colour(parameters, name, Rgb::splat(0.5), Meant::Reflected);
+        let (reflect, transmit) = (of("reflect")?, of("transmit")?);
+        let part = |share: Rgb| Paint {
+            factor: base.factor * share,
+            ..base
+        };
+        let mut material = looks::glossy(part(reflect), shine * reflect, 1.5);
+        self.roughened(parameters, 0.1, &mut material)?;
+        let place = &parameters.place;
+        (self.context).transmit(&mut material, part(transmit), place);
+        if shine * transmit != Rgb::ZERO {
+            let what = "glossy transmission of `translucent` is left out";
+            self.context.approximate(place, what);
+        }
+        Ok(material)
     }
 
     /// `eta`, or `index` as older files have it.

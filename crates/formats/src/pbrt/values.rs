@@ -180,31 +180,7 @@ impl Scene<'_> {
             "constant" => self.paint(parameters, "value", Paint::from(1.0))?,
             "imagemap" => self.image(parameters)?,
             "checkerboard" => self.checkerboard(parameters)?,
-            "scale" => {
-                let tex = match parameters.get("tex1") {
-                    // pbrt-v3's names.
-                    Some(_) => ["tex1", "tex2"],
-                    None => ["tex", "scale"],
-                };
-                let [a, b] = [
-                    self.paint(parameters, tex[0], Paint::from(1.0))?,
-                    self.paint(parameters, tex[1], Paint::from(1.0))?,
-                ];
-                if a.map.is_none() || b.map.is_none() {
-                    // One image is itself, whatever colour multiplies it.
-                    Paint {
-                        factor: a.factor * b.factor,
-                        map: a.map.or(b.map),
-                    }
-                } else if let Some(product) = self.context.builder.combined([a, b], |[a, b]| a * b)
-                {
-                    product
-                } else {
-                    let what = "the product of two images of different coordinates";
-                    self.context.nearest(place, what, "the first")?;
-                    a
-                }
-            }
+            "scale" => self.product(parameters)?,
             "bilerp" => {
                 let mut of = |name: &str, or: f32| {
                     self.colour(parameters, name, Rgb::splat(or), Meant::Reflected)
@@ -254,6 +230,33 @@ impl Scene<'_> {
             _ => self.spectrum_textures.insert(name, (paint, mapping)),
         };
         Ok(())
+    }
+
+    /// The product of two textures.
+    fn product(&mut self, parameters: &Parameters) -> Result<Paint> {
+        let place = &parameters.place;
+        let tex = match parameters.get("tex1") {
+            // pbrt-v3's names.
+            Some(_) => ["tex1", "tex2"],
+            None => ["tex", "scale"],
+        };
+        let [a, b] = [
+            self.paint(parameters, tex[0], Paint::from(1.0))?,
+            self.paint(parameters, tex[1], Paint::from(1.0))?,
+        ];
+        Ok(if a.map.is_none() || b.map.is_none() {
+            // One image is itself, whatever colour multiplies it.
+            Paint {
+                factor: a.factor * b.factor,
+                map: a.map.or(b.map),
+            }
+        } else if let Some(product) = self.context.builder.combined([a, b], |[a, b]| a * b) {
+            product
+        } else {
+            let what = "the product of two images of different coordinates";
+            self.context.nearest(place, what, "the first")?;
+            a
+        })
     }
 
     fn image(&mut self, parameters: &Parameters) -> Result<Paint> {

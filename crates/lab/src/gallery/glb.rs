@@ -227,6 +227,23 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
     if m.solid {
         extensions.insert("KHR_materials_volume".into(), volume(m.absorption));
     }
+    let extras = extras(m);
+    if !extras.is_empty() {
+        value["extras"] = Value::Object(extras);
+    }
+    add_finish(m, &mut extensions);
+    if m.unlit {
+        extensions = Map::from_iter([("KHR_materials_unlit".into(), json!({}))]);
+    }
+    used.extend(EXTENSIONS.iter().filter(|e| extensions.contains_key(**e)));
+    if !extensions.is_empty() {
+        value["extensions"] = Value::Object(extensions);
+    }
+    value
+}
+
+/// Values of a material that no extension has.
+fn extras(m: &Material) -> Map<String, Value> {
     let mut extras = Map::new();
     if m.priority != 0.0 {
         extras.insert("priority".into(), number(m.priority));
@@ -242,9 +259,11 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
         }
         extras.insert("lamp".into(), body);
     }
-    if !extras.is_empty() {
-        value["extras"] = Value::Object(extras);
-    }
+    extras
+}
+
+/// Adds the extensions of reflection, coat, brushing, fibres and film.
+fn add_finish(m: &Material, extensions: &mut Map<String, Value>) {
     if (m.specular, m.specular_color) != (1.0, Rgb::ONE) {
         extensions.insert("KHR_materials_specular".into(), specular(m));
     }
@@ -279,14 +298,6 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
         });
         extensions.insert("KHR_materials_iridescence".into(), body);
     }
-    if m.unlit {
-        extensions = Map::from_iter([("KHR_materials_unlit".into(), json!({}))]);
-    }
-    used.extend(EXTENSIONS.iter().filter(|e| extensions.contains_key(**e)));
-    if !extensions.is_empty() {
-        value["extensions"] = Value::Object(extensions);
-    }
-    value
 }
 
 /// The material extensions that this writer uses.
