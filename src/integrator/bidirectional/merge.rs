@@ -52,7 +52,7 @@ impl Iteration<'_> {
         probes: &mut impl Sampler,
     ) -> Rgb {
         let mut sum = Rgb::ZERO;
-        map.around(vertex, |photon, trail| {
+        map.around(vertex, |photon, arrived, trail| {
             // The path has the merged vertex once.
             if vertex.n + photon.n() - 1 > self.settings.max_vertices {
                 return;
@@ -61,7 +61,7 @@ impl Iteration<'_> {
                 return;
             };
             let weight = weights::merge(
-                &photon.partial,
+                &arrived.partial,
                 &vertex.partial,
                 eval.pdf_w,
                 vertex.pdf_back(photon.back),
@@ -71,7 +71,7 @@ impl Iteration<'_> {
                 Some(trail) => prefix.merged(vertex, photon.first(), photon.back, trail),
                 None => Rgb::ONE,
             };
-            sum += part * eval.value * photon.flux * weight;
+            sum += part * eval.value * arrived.flux * weight;
         });
         self.density(vertex, (sum, self.radius), map.paths(), probes)
     }
@@ -184,14 +184,14 @@ impl Iteration<'_> {
     ) {
         // By the least radius that reaches them.
         let mut sums = [Rgb::ZERO; MAX_LEVELS];
-        map.around_from(vertex, |photon, _, to| {
+        map.around_from(vertex, |photon, arrived, _, to| {
             if vertex.n + photon.n() - 1 <= self.settings.max_vertices
                 && let Some(value) = vertex.merged_value(photon.back)
             {
                 let ng = vertex.surface.ng;
                 let inner = radii.iter().rev().skip(1);
                 let within = inner.take_while(|r| is_within(to, ng, **r)).count();
-                sums[radii.len() - 1 - within] += value * photon.flux;
+                sums[radii.len() - 1 - within] += value * arrived.flux;
             }
         });
         let mut sum = Rgb::ZERO;

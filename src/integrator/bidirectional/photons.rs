@@ -16,11 +16,8 @@ use rayon::prelude::*;
 /// A light vertex without what follows from its hit.
 #[derive(Clone, Copy)]
 pub(super) struct Photon {
-    /// Flux per area and cosine.
-    pub(super) flux: Rgb,
     /// World direction towards the previous vertex.
     pub(super) back: Vec3,
-    pub(super) partial: Partial<f32>,
     /// Number of the vertex in its walk, four times; two more if the neighbour behind allows merges, and one more if the walk has
     /// come straight from the light.
     number: u32,
@@ -30,7 +27,15 @@ pub(super) struct Photon {
     choice: f32,
 }
 
-const _: () = assert!(size_of::<Photon>() == 56);
+/// Light of a photon. Apart from the rest, so that less is there twice while photons are put in order.
+#[derive(Clone, Copy)]
+pub(super) struct Arrived {
+    /// Flux per area and cosine.
+    pub(super) flux: Rgb,
+    pub(super) partial: Partial<f32>,
+}
+
+const _: () = assert!(size_of::<Photon>() == 32 && size_of::<Arrived>() == 24);
 
 /// Least cosine of the normals of a photon and of the vertex that it merges with.
 pub(super) const MIN_COS: f32 = 0.9;
@@ -44,9 +49,7 @@ const NEAR: usize = 32;
 impl Photon {
     fn new(vertex: &Vertex) -> Self {
         Self {
-            flux: vertex.throughput,
             back: vertex.back,
-            partial: vertex.partial,
             number: 4 * vertex.n + 2 * u32::from(vertex.merges) + u32::from(vertex.first),
             index: vertex.hit.triangle.index(),
             at: [vertex.hit.u, vertex.hit.v],
@@ -67,12 +70,13 @@ impl Photon {
     }
 
     /// True if the neighbour behind allows merges.
+    #[inline]
     fn merges(&self) -> bool {
         self.number & 2 == 2
     }
 
     /// The vertex again, in the instance of this number and with this index of refraction, without what is around it.
-    fn vertex(&self, scene: &Scene, instance: u32, eta: Option<f32>) -> Vertex {
+    fn vertex(&self, arrived: &Arrived, scene: &Scene, instance: u32, eta: Option<f32>) -> Vertex {
         let hit = Hit {
             t: 0.0,
             triangle: TriangleId::new(instance, self.index),
@@ -94,24 +98,29 @@ impl Photon {
             back: self.back,
             frame,
             local: frame.to_local(self.back),
-            throughput: self.flux,
-            partial: self.partial,
+            throughput: arrived.flux,
+            partial: arrived.partial,
             merges: self.merges(),
             around: Surroundings::default(),
         }
     }
 }
 
-/// Light vertices in the order of their paths.
+/// Light vertices in the order of their paths: those that may merge, and those that are connected alone.
 #[derive(Default)]
 pub(super) struct LightVertices {
     photons: Vec<Photon>,
+    arrived: Vec<Arrived>,
     places: Vec<Place>,
-    /// Numbers of instances: one a photon, or none where the scene has no instances.
+    /// Vertices that do not merge.
+    others: Vec<(Photon, Arrived)>,
+    /// Number of each vertex among those that merge, twice, or among the others, twice and one more.
+    numbers: Vec<u32>,
+    /// Numbers of instances: one a vertex, or none where the scene has no instances.
     instances: Vec<u32>,
-    /// Indices of refraction: one a photon, or none where that of an interface is the same for all paths.
+    /// Indices of refraction: one a vertex, or none where that of an interface is the same for all paths.
     etas: Vec<Option<f32>>,
-    /// One a photon, or none.
+    /// One a vertex, or none.
     trails: Vec<Trail>,
     /// First vertex of each path but the first.
     ends: Vec<u32>,
@@ -120,22 +129,34 @@ pub(super) struct LightVertices {
 impl LightVertices {
     /// Adds a vertex to the path that is open.
     pub(super) fn push(&mut self, vertex: &Vertex, scene: &Scene, trail: Option<Trail>) {
-        self.photons.push(Photon::new(vertex));
+        let photon = Photon::new(vertex);
+        let arrived = Arrived {
+            flux: vertex.throughput,
+            partial: vertex.partial,
+        };
+        if vertex.merges {
+            self.numbers.push(2 * self.photons.len() as u32);
+            self.photons.push(photon);
+            self.arrived.push(arrived);
+            let [x, y, z] = (127.0 * vertex.surface.ng).to_array();
+            let outside = vertex.back.dot(vertex.surface.ng) > 0.0;
+            self.places.push(Place {
+                position: vertex.surface.position,
+                ng: [x as i8, y as i8, z as i8, i8::from(outside)],
+            });
+        } else {
+            self.numbers.push(2 * self.others.len() as u32 + 1);
+            self.others.push((photon, arrived));
+        }
         let shares = scene.geometry().instances() > 0;
         (self.instances).extend(shares.then_some(vertex.hit.triangle.instance()));
         (self.etas).extend(scene.has_paths_indices().then(|| vertex.bsdf.eta()));
-        let [x, y, z] = (127.0 * vertex.surface.ng).to_array();
-        let outside = vertex.back.dot(vertex.surface.ng) > 0.0;
-        self.places.push(Place {
-            position: vertex.surface.position,
-            ng: [x as i8, y as i8, z as i8, i8::from(outside)],
-        });
         self.trails.extend(trail);
     }
 
     /// Closes a path.
     pub(super) fn end(&mut self) {
-        self.ends.push(self.photons.len() as u32);
+        self.ends.push(self.numbers.len() as u32);
     }
 
     /// Number of paths.
@@ -145,10 +166,16 @@ impl LightVertices {
 
     /// Appends the paths of another list; there will be `all` paths in the end.
     pub(super) fn append(&mut self, other: Self, all: u32) {
-        let first = self.photons.len() as u32;
+        let first = self.numbers.len() as u32;
+        let lengths = [self.photons.len(), self.others.len()].map(|length| length as u32);
         let share = f64::from(all) / f64::from(self.paths() + other.paths());
         extend(&mut self.photons, other.photons, share);
+        extend(&mut self.arrived, other.arrived, share);
         extend(&mut self.places, other.places, share);
+        extend(&mut self.others, other.others, share);
+        let numbers = other.numbers.into_iter();
+        let numbers = numbers.map(|number| number + 2 * lengths[number as usize % 2]);
+        extend(&mut self.numbers, numbers.collect(), share);
         extend(&mut self.instances, other.instances, share);
         extend(&mut self.etas, other.etas, share);
         extend(&mut self.trails, other.trails, share);
@@ -158,14 +185,14 @@ impl LightVertices {
 
     /// Bytes that a path takes on average, the grid over them included.
     pub(super) fn bytes_per_path(&self) -> usize {
-        let vertex = size_of::<Photon>() + size_of::<Place>();
-        let merging = self.photons.iter().filter(|photon| photon.merges());
-        // Once more by place; an index, a key, and up to two buckets of four bytes.
-        let by_place = merging.count() * (vertex + 8 + 8);
+        let vertex = size_of::<Photon>() + size_of::<Arrived>();
+        let by_path = self.numbers.len() * (vertex + 4);
+        // Up to two buckets of four bytes. While they are put in order a key, a number, and one list a second time.
+        let merging = size_of::<Place>() + 8 + 8 + size_of::<Photon>();
+        let by_place = self.photons.len() * merging;
         let trails = 2 * self.trails.len() * size_of::<Trail>();
         let instances = size_of_val(self.instances.as_slice());
         let etas = size_of_val(self.etas.as_slice());
-        let by_path = self.photons.len() * vertex;
         (by_path + by_place + trails + instances + etas) / self.ends.len().max(1) + 4
     }
 }
@@ -189,13 +216,11 @@ pub(super) struct PhotonMap {
     scale: f64,
     /// First photon of each bucket, and the end of the last.
     buckets: Vec<u32>,
-    /// Places of the photons, which decide whether they merge, apart from the rest: most that are looked at do not.
-    places: Vec<Place>,
-    photons: Vec<Photon>,
-    /// One a photon, or none.
+    /// The light vertices, of which those that merge are bucket by bucket. Their places, which decide whether they merge, are apart from
+    /// the rest: most that are looked at do not.
+    vertices: LightVertices,
+    /// Trails of those that merge, bucket by bucket; or none.
     trails: Vec<Trail>,
-    /// The same in the order of the light paths, in which camera paths ask for them.
-    by_path: LightVertices,
 }
 
 /// Position of a photon, and its geometric normal in units of 1/127 with 1 if the photon arrives on its side, else 0.
@@ -224,59 +249,59 @@ fn bucket([x, y, z]: [i64; 3], mask: u32) -> u32 {
 impl PhotonMap {
     /// Sorts photons that can merge into at least as many buckets. The photons of a bucket lie side by side: looking for them is a matter
     /// of waiting for memory.
-    pub(super) fn new(vertices: LightVertices, low: Vec3, radius: f32) -> Self {
-        let merging = (0..).zip(&vertices.photons);
-        let merging = merging.filter(|(_, photon)| photon.merges());
-        let merging: Vec<u32> = merging.map(|(i, _)| i).collect();
-        let size = merging.len().next_power_of_two();
+    pub(super) fn new(mut vertices: LightVertices, low: Vec3, radius: f32) -> Self {
+        let size = vertices.photons.len().next_power_of_two();
         let mask = size as u32 - 1;
         let mut map = Self {
             radius,
             low: low.as_dvec3(),
             scale: 0.5 / f64::from(radius),
             buckets: vec![0; size + 1],
-            places: Vec::new(),
-            photons: Vec::new(),
+            vertices: LightVertices::default(),
             trails: Vec::new(),
-            by_path: LightVertices::default(),
         };
         let cell = |p: &Place| {
             let place = map.place(p.position).floor();
             place.to_array().map(|x| x as i64)
         };
-        let keys: Vec<u32> = (merging.par_iter())
-            .map(|&i| bucket(cell(&vertices.places[i as usize]), mask))
-            .collect();
+        let keys = vertices.places.par_iter();
+        let mut keys: Vec<u32> = keys.map(|place| bucket(cell(place), mask)).collect();
         for &key in &keys {
             map.buckets[key as usize + 1] += 1;
         }
         for i in 0..size {
             map.buckets[i + 1] += map.buckets[i];
         }
-        // Counting sort: each bucket's start moves to its end, and one place down again.
+        // Counting sort: each bucket's start moves to its end, and one place down again. Keys become places in the order.
         let mut sorted = vec![0u32; keys.len()];
-        for (&i, &key) in merging.iter().zip(&keys) {
-            let at = &mut map.buckets[key as usize];
+        for (i, key) in (0..).zip(&mut keys) {
+            let at = &mut map.buckets[*key as usize];
+            *key = *at;
             sorted[*at as usize] = i;
             *at += 1;
         }
         map.buckets.rotate_right(1);
         map.buckets[0] = 0;
-        map.places = gathered(&vertices.places, &sorted);
-        map.photons = gathered(&vertices.photons, &sorted);
+        // List by list: one of them at a time is there twice.
+        gather(&mut vertices.places, &sorted);
+        gather(&mut vertices.arrived, &sorted);
+        gather(&mut vertices.photons, &sorted);
         if !vertices.trails.is_empty() {
-            map.trails = gathered(&vertices.trails, &sorted);
+            let pairs = vertices.numbers.iter().zip(&vertices.trails);
+            let merging = pairs.filter(|(number, _)| *number % 2 == 0);
+            map.trails = merging.map(|(_, trail)| *trail).collect();
+            gather(&mut map.trails, &sorted);
         }
-        map.by_path = LightVertices {
-            places: Vec::new(),
-            ..vertices
-        };
+        let merging = vertices.numbers.par_iter_mut();
+        let merging = merging.filter(|number| **number % 2 == 0);
+        merging.for_each(|number| *number = 2 * keys[*number as usize / 2]);
+        map.vertices = vertices;
         map
     }
 
     /// Number of light paths whose photons these are.
     pub(super) fn paths(&self) -> u32 {
-        self.by_path.paths()
+        self.vertices.paths()
     }
 
     /// Vertices of a path with fewer than `most` before them, built again.
@@ -291,23 +316,31 @@ impl PhotonMap {
         let path = path as usize;
         let LightVertices {
             photons,
+            arrived,
+            others,
+            numbers,
             instances,
             etas,
             trails: known,
             ends,
             ..
-        } = &self.by_path;
+        } = &self.vertices;
         let first = if path == 0 { 0 } else { ends[path - 1] };
         vertices.clear();
         trails.clear();
         let range = first as usize..ends[path] as usize;
-        for (i, photon) in range.clone().zip(&photons[range]) {
+        for (i, number) in range.clone().zip(&numbers[range]) {
+            let at = *number as usize / 2;
+            let (photon, arrived) = match number % 2 {
+                0 => (&photons[at], &arrived[at]),
+                _ => (&others[at].0, &others[at].1),
+            };
             if photon.n() > most {
                 break;
             }
             let instance = instances.get(i).copied().unwrap_or(0);
             let eta = etas.get(i).copied().flatten();
-            vertices.push(photon.vertex(scene, instance, eta));
+            vertices.push(photon.vertex(arrived, scene, instance, eta));
             trails.push(known.get(i).copied().unwrap_or(Trail::START));
         }
     }
@@ -325,8 +358,14 @@ impl PhotonMap {
 
     /// Visits the photons within the radius of a vertex that lie on its surface.
     #[inline]
-    pub(super) fn around(&self, vertex: &Vertex, mut visit: impl FnMut(&Photon, Option<&Trail>)) {
-        self.around_from(vertex, |photon, trail, _| visit(photon, trail));
+    pub(super) fn around(
+        &self,
+        vertex: &Vertex,
+        mut visit: impl FnMut(&Photon, &Arrived, Option<&Trail>),
+    ) {
+        self.around_from(vertex, |photon, arrived, trail, _| {
+            visit(photon, arrived, trail);
+        });
     }
 
     /// The same with the way from the vertex to each photon.
@@ -334,7 +373,7 @@ impl PhotonMap {
     pub(super) fn around_from(
         &self,
         vertex: &Vertex,
-        mut visit: impl FnMut(&Photon, Option<&Trail>, Vec3),
+        mut visit: impl FnMut(&Photon, &Arrived, Option<&Trail>, Vec3),
     ) {
         let (p, ng) = (vertex.surface.position, vertex.surface.ng);
         let [x, y, z] = (self.place(p) - 0.5).floor().to_array().map(|x| x as i64);
@@ -351,7 +390,7 @@ impl PhotonMap {
                 continue;
             }
             for index in range {
-                let place = &self.places[index as usize];
+                let place = &self.vertices.places[index as usize];
                 let to = place.position - p;
                 if is_within(to, ng, self.radius) && place.ng().dot(ng) > MIN_COS {
                     near[count] = index;
@@ -371,18 +410,26 @@ impl PhotonMap {
         &self,
         near: &[u32],
         (p, ng): (Vec3, Vec3),
-        visit: &mut impl FnMut(&Photon, Option<&Trail>, Vec3),
+        visit: &mut impl FnMut(&Photon, &Arrived, Option<&Trail>, Vec3),
     ) {
+        let LightVertices {
+            photons,
+            arrived,
+            places,
+            ..
+        } = &self.vertices;
         // In a loop of its own, so that no photon waits for the memory of another.
         let mut there = [false; NEAR];
         for (there, &index) in there.iter_mut().zip(near) {
-            let outside = self.places[index as usize].ng[3] == 1;
+            let outside = places[index as usize].ng[3] == 1;
             // One that grazes a neighbouring facet from outside may come from below this one.
-            *there = (self.photons[index as usize].back.dot(ng) > 0.0) == outside;
+            *there = (photons[index as usize].back.dot(ng) > 0.0) == outside;
         }
         for (&index, _) in near.iter().zip(there).filter(|(_, there)| *there) {
-            let to = self.places[index as usize].position - p;
-            visit(&self.photons[index as usize], self.trail(index), to);
+            let trail = self.trail(index);
+            let index = index as usize;
+            let to = places[index].position - p;
+            visit(&photons[index], &arrived[index], trail, to);
         }
     }
 }
@@ -393,9 +440,9 @@ pub(super) fn is_within(to: Vec3, ng: Vec3, radius: f32) -> bool {
     to.length_squared() <= radius * radius && to.dot(ng).abs() <= MAX_HEIGHT * radius
 }
 
-/// Items in this order.
-fn gathered<T: Copy + Send + Sync>(items: &[T], order: &[u32]) -> Vec<T> {
-    order.par_iter().map(|&i| items[i as usize]).collect()
+/// Puts items in this order.
+fn gather<T: Copy + Send + Sync>(items: &mut Vec<T>, order: &[u32]) {
+    *items = order.par_iter().map(|&i| items[i as usize]).collect();
 }
 
 #[cfg(test)]
@@ -453,6 +500,8 @@ mod tests {
         let aim = Aim::default();
         let iteration = bidirectional.iteration(&view, &aim, 0, Some(0.1));
         let map = PhotonMap::new(iteration.some_light_vertices(), Vec3::splat(-4.0), 0.1);
+        let kinds = [&map.vertices.photons.len(), &map.vertices.others.len()];
+        assert!(kinds.iter().all(|count| **count > 100), "{kinds:?}");
         let (mut again, mut trails) = (Vec::new(), Vec::new());
         let mut indices = std::collections::BTreeSet::new();
         for path in 0..map.paths() {
@@ -466,6 +515,7 @@ mod tests {
                 assert_eq!(a.bsdf.eta(), b.bsdf.eta());
                 assert_eq!((a.n, a.first, a.alpha), (b.n, b.first, b.alpha));
                 assert_eq!((a.throughput, a.back), (b.throughput, b.back));
+                assert_eq!((a.partial, a.merges), (b.partial, b.merges));
                 assert_eq!(a.surface.position, b.surface.position);
                 indices.extend(a.bsdf.eta().map(f32::to_bits));
             }
@@ -483,16 +533,18 @@ mod tests {
         parts.add(materials::diffuse("plane", Rgb::splat(0.5)), [plane]);
         let scene = Scene::new(parts);
         let vertex = |at: [f32; 2]| {
-            let photon = Photon {
+            let arrived = Arrived {
                 flux: Rgb::ONE,
-                back: Vec3::Y,
                 partial: Partial::default(),
+            };
+            let photon = Photon {
+                back: Vec3::Y,
                 number: 6,
                 index: 0,
                 at,
                 choice: 0.5,
             };
-            photon.vertex(&scene, 0, None)
+            photon.vertex(&arrived, &scene, 0, None)
         };
         let edge = vertex([0.5, 0.0]).surface.position - vertex([0.0, 0.0]).surface.position;
         let radius = 0.2 * edge.length();
@@ -514,7 +566,7 @@ mod tests {
                     to.length_squared() <= radius * radius
                 };
                 let mut count = 0;
-                map.around(&query, |_, _| count += 1);
+                map.around(&query, |_, _, _| count += 1);
                 assert_eq!(
                     count,
                     places.iter().filter(near).count(),
