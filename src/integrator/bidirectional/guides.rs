@@ -14,6 +14,8 @@ pub(super) struct Guides {
     aovs: Option<Aovs>,
     window: Window,
     paths: Vec<Guide>,
+    /// Those of each fork that was joined: nothing is copied while all are there.
+    joined: Vec<Vec<Guide>>,
 }
 
 /// Guide of one camera path, and the light that its blurs leave as it is.
@@ -32,12 +34,13 @@ impl Guides {
             aovs,
             window,
             paths: Vec::new(),
+            joined: Vec::new(),
         }
     }
 
-    /// Adds the sample of a layer to a film of one level, where a camera path was walked.
+    /// Adds the sample of a layer to a film of one level, where a fork has a camera path.
     pub(super) fn push(&self, sample: u32, layer: &SplatLayer, film: &mut LevelFilm) {
-        for path in &self.paths {
+        for path in self.joined.iter().flatten() {
             let index = path.index as usize;
             let values = PathLevels {
                 levels: &[layer.value(index)],
@@ -92,9 +95,50 @@ impl Recorder for Guides {
         if let (Some(aovs), Some(tile)) = (&mut self.aovs, tile.aovs) {
             aovs.join(tile);
         }
-        // One path of every pixel is all there will be.
-        let room = self.window.len().saturating_sub(self.paths.len());
-        self.paths.reserve_exact(room);
-        self.paths.extend(tile.paths);
+        self.joined.push(tile.paths);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::splat::Splat;
+
+    /// Light that blurs leave alone comes to the pixels whose paths were walked.
+    #[test]
+    fn guides_of_forks_come_to_their_pixels() {
+        let size = UVec2::new(64, 48);
+        let window = Window {
+            x: 8,
+            y: 4,
+            w: 40,
+            h: 40,
+        };
+        let seen = |index: usize| Rgb::splat((index % 3) as f32);
+        let mut guides = Guides::new(window, None);
+        for rows in [0..30, 30..39] {
+            let mut fork = guides.fork();
+            for index in rows.start * 40..rows.end * 40 {
+                fork.begin(window.pixel(index), 5);
+                fork.seen(0.5 * seen(index));
+                fork.seen(0.5 * seen(index));
+                fork.finish(Rgb::ONE);
+            }
+            guides.join(fork);
+        }
+        let mut layer = SplatLayer::new(&window);
+        let index = 40;
+        let value = Rgb::splat(4.0);
+        layer.add_in_order(&[Splat { index, value }], 1.0);
+        let mut film = LevelFilm::new(size, window, 1);
+        guides.push(5, &layer, &mut film);
+        for index in 0..window.len() {
+            let walked = index < 39 * 40;
+            let expected = if walked { seen(index) } else { Rgb::ZERO };
+            assert_eq!(film.batch_mean(index, 1, 1), expected);
+            let numbers: Vec<f32> = film.sample(5).skip(17 * index).take(1).collect();
+            assert_eq!(numbers[0].is_nan(), !walked);
+        }
+        assert_eq!(film.batch_mean(40, 1, 0), value);
     }
 }

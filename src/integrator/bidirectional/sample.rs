@@ -18,6 +18,7 @@ use crate::integrator::pieces::{Driver, Pieces};
 use crate::integrator::walk::observer::{PathObserver, Recorder};
 use crate::math::{Rgb, UVec2};
 use std::ops::Range;
+use std::sync::Mutex;
 
 /// Paths that a thread takes at a time.
 const CHUNK: u32 = 1024;
@@ -195,7 +196,9 @@ impl Iteration<'_> {
         let window = self.view.window;
         let pieces = Pieces::new(window.len() as u32, CHUNK);
         let driver = self.view.driver();
-        let finished = driver.run_recorded(pieces, recorder, |indices, observer| {
+        // Every pixel gets one value: the order of pieces does not matter. A layer of a sample that is dropped is of no use.
+        let layer = Mutex::new(layer);
+        driver.run_recorded(pieces, recorder, |indices, observer| {
             let mut light = LightPath::default();
             let value = |index: u32| {
                 let pixel = window.pixel(index as usize);
@@ -210,11 +213,10 @@ impl Iteration<'_> {
                 };
                 Splat { index, value }
             };
-            indices.map(value).collect::<Vec<_>>()
-        })?;
-        for (_, values) in finished.results {
+            let values: Vec<Splat> = indices.map(value).collect();
+            let mut layer = layer.lock().expect("no thread panics");
             layer.add_camera(&values);
-        }
+        })?;
         Some(())
     }
 
