@@ -36,6 +36,10 @@ const NAMES: &[&str] = if cfg!(windows) {
 /// `OIDN_DEVICE_TYPE_CPU`: the same bytes on every machine of a kind.
 const CPU: c_int = 1;
 
+/// Megabytes that the library takes for its own work, about. It takes pictures that need more in tiles, which overlap by what the network
+/// sees, so that the picture has the same bytes.
+const MOST_MEMORY: c_int = 1000;
+
 /// `OIDN_FORMAT_FLOAT3`.
 const FLOAT3: c_int = 3;
 
@@ -75,6 +79,7 @@ struct Functions {
         usize,
     ),
     set_bool: unsafe extern "C" fn(Handle, *const c_char, bool),
+    set_int: unsafe extern "C" fn(Handle, *const c_char, c_int),
     commit_filter: unsafe extern "C" fn(Handle),
     execute: unsafe extern "C" fn(Handle),
     release_filter: unsafe extern "C" fn(Handle),
@@ -164,6 +169,7 @@ impl Denoiser {
                 new_filter: *library.get(b"oidnNewFilter\0")?,
                 set_image: *library.get(b"oidnSetSharedFilterImage\0")?,
                 set_bool: *library.get(b"oidnSetFilterBool\0")?,
+                set_int: *library.get(b"oidnSetFilterInt\0")?,
                 commit_filter: *library.get(b"oidnCommitFilter\0")?,
                 execute: *library.get(b"oidnExecuteFilter\0")?,
                 release_filter: *library.get(b"oidnReleaseFilter\0")?,
@@ -215,6 +221,7 @@ impl Denoiser {
                     image(c"normal", normal.pixels.as_ptr().cast_mut());
                     image(c"output", out.as_mut_ptr());
                     (f.set_bool)(filter, c"hdr".as_ptr(), true);
+                    (f.set_int)(filter, c"maxMemoryMB".as_ptr(), MOST_MEMORY);
                     (f.commit_filter)(filter);
                     (f.execute)(filter);
                     (f.release_filter)(filter);
