@@ -122,6 +122,17 @@ impl Guide {
         ]
     }
 
+    /// Weight, at most 1, of another pixel on the surface of a pixel, however far apart they are.
+    pub(super) fn alike(&self, pixel: usize, other: usize) -> f32 {
+        let width = self.size.0;
+        let apart = [pixel % width, pixel / width, other % width, other / width];
+        let [x, y] = [apart[0].abs_diff(apart[2]), apart[1].abs_diff(apart[3])];
+        let mut weight = [0.0];
+        let d2 = (x * x + y * y) as f32;
+        self.weights(f32::INFINITY, d2, pixel, other, &mut weight);
+        weight[0]
+    }
+
     /// Layers blurred by a Gaussian of this standard deviation in pixels, at the inner pixels.
     pub(super) fn blur(&self, sigma: f32, inner: &Inner, layers: &[&Batches]) -> Vec<Batches> {
         self.blur_in_steps::<1>(sigma, inner, layers)
@@ -416,6 +427,12 @@ impl Inner {
             let row = (origin.1 + y) * width + origin.0;
             row..row + size.0
         })
+    }
+
+    /// Number of one of its pixels in the larger one.
+    pub(super) fn number(&self, pixel: usize) -> usize {
+        let (x, y) = (pixel % self.size.0, pixel / self.size.0);
+        (self.origin.1 + y) * self.width + self.origin.0 + x
     }
 
     /// Its part of a plane.

@@ -24,7 +24,7 @@ const DOUBTFUL: f32 = 0.4;
 pub(super) const SHARE_RADIUS: usize = 1;
 
 /// Radius in pixels of the square around a pixel in which its choice must be common, and the least share of the pixels there that have
-/// taken no wider blur, by the number of the blur; the last one of all wider ones.
+/// taken no wider blur, by the number of the blur; the last one of all wider ones. No square has exactly such a share.
 const COMMON: [(usize, f32); 3] = [(3, 0.37), (3, 0.37), (COMMON_RADIUS, 0.49)];
 
 /// The largest of these radii.
@@ -84,6 +84,7 @@ impl Choice {
         weights: &Weights,
         kappa: f32,
         batches: usize,
+        alike: impl Fn(usize, usize) -> f32,
     ) -> Self {
         let pixels = weights.own.len();
         let mut all = Self {
@@ -115,7 +116,7 @@ impl Choice {
             anchors.push(variance);
             biases.push(bias2);
         }
-        all.chosen = common(size, candidates, &all.chosen);
+        all.chosen = common(size, candidates, &all.chosen, alike);
         for (i, &k) in all.chosen.iter().enumerate() {
             all.bias2[i] = biases[usize::from(k)][i];
             all.variance[i] = anchors[usize::from(k)][i];
@@ -150,24 +151,52 @@ impl Choice {
 }
 
 /// Choices less those that chance makes: a pixel takes the next wider blur where too few pixels around have taken one as narrow as its
-/// own. An estimate of four batches prefers a narrow candidate by chance in single pixels, and a feature of the picture does so in many.
-pub(super) fn common(size: Size, candidates: &[Candidate], chosen: &[u8]) -> Vec<u8> {
+/// own, of all and of those on its surface. An estimate of four batches prefers a narrow candidate by chance in single pixels, and a
+/// feature of the picture does so in many.
+pub(super) fn common(
+    size: Size,
+    candidates: &[Candidate],
+    chosen: &[u8],
+    alike: impl Fn(usize, usize) -> f32,
+) -> Vec<u8> {
     let blur = |k: u8| candidates[usize::from(k)].blur;
     let widest = candidates.iter().map(|c| c.blur).max().unwrap_or(0);
     let mut taken = chosen.to_vec();
     for number in 0..widest {
         let (radius, least) = COMMON[number.min(COMMON.len() - 1)];
         let narrow = |&k: &u8| f32::from(u8::from(blur(k) <= number));
-        let mut shares: Vec<f32> = chosen.iter().map(narrow).collect();
+        let narrow: Vec<f32> = chosen.iter().map(narrow).collect();
+        let mut shares = narrow.clone();
         boxed(size, radius, &mut shares);
-        for (k, share) in taken.iter_mut().zip(shares) {
-            if blur(*k) == number && share < least {
-                let wider = candidates[usize::from(*k)].wider;
-                *k = wider.map_or(*k, |wider| wider as u8);
+        for (i, share) in shares.into_iter().enumerate() {
+            let own = &candidates[usize::from(taken[i])];
+            if own.blur == number
+                && share < least
+                && share_of_alike(size, radius, &narrow, i, &alike) < least
+            {
+                taken[i] = own.wider.map_or(taken[i], |wider| wider as u8);
             }
         }
     }
     taken
+}
+
+/// Mean of the values in the square around a pixel, weighted by how much their pixels are like it.
+fn share_of_alike(
+    (width, height): Size,
+    radius: usize,
+    values: &[f32],
+    pixel: usize,
+    alike: impl Fn(usize, usize) -> f32,
+) -> f32 {
+    let around = |at: usize, end: usize| at.saturating_sub(radius)..(at + radius + 1).min(end);
+    let rows = around(pixel / width, height);
+    let near = rows.flat_map(|y| around(pixel % width, width).map(move |x| y * width + x));
+    let (sum, all) = near.fold((0.0, 0.0), |(sum, all), other| {
+        let weight = alike(pixel, other);
+        (sum + weight * values[other], all + weight)
+    });
+    sum / all
 }
 
 /// V of a candidate.

@@ -2,7 +2,8 @@ use super::coarse::{Caps, Coarse, Missing};
 use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface};
 use super::layer::{
-    Batches, Candidate, common, median, seen_again, squared_difference, variance_of_mean, without_largest,
+    Batches, Candidate, common, median, seen_again, squared_difference, variance_of_mean,
+    without_largest,
 };
 use super::tiles::{BASE, STEP, rest};
 use super::*;
@@ -1303,6 +1304,7 @@ fn light_that_the_sharpest_level_lacks_comes_back_and_a_bias_does_not() {
 #[test]
 fn lone_choices_give_way_and_features_stay() {
     const SIDE: usize = 30;
+    let strip = |i: usize| i % SIDE == 25;
     let blurs = |count: usize, levels: usize| -> Vec<Candidate> {
         let of = |k: usize| Candidate {
             level: (k % levels) as u8,
@@ -1320,7 +1322,10 @@ fn lone_choices_give_way_and_features_stay() {
         |candidates: &[Candidate], narrow: u8, wide: u8, is: &dyn Fn(usize, usize) -> bool| {
             let of = |i: usize| if is(i % SIDE, i / SIDE) { narrow } else { wide };
             let chosen: Vec<u8> = (0..SIDE * SIDE).map(of).collect();
-            let taken = common((SIDE, SIDE), candidates, &chosen);
+            let taken = common((SIDE, SIDE), candidates, &chosen, |i, j| {
+                // Two surfaces, the second one a narrow strip.
+                f32::from(u8::from(strip(i) == strip(j)))
+            });
             let others = taken.iter().filter(|k| **k != narrow && **k != wide);
             assert_eq!(others.count(), 0, "{narrow}");
             let outside = taken
@@ -1346,6 +1351,14 @@ fn lone_choices_give_way_and_features_stay() {
         let line = |x: usize, _| (10..13).contains(&x);
         // The pixels at its sides have as many of them around as those in its middle.
         assert_eq!(kept(&one_level, narrow, 4, &line), 3 * SIDE, "{narrow}");
+    }
+    // A surface of one pixel's width keeps its own.
+    for narrow in 0..4 {
+        assert_eq!(
+            kept(&one_level, narrow, 4, &|x, _| x == 25),
+            SIDE,
+            "{narrow}"
+        );
     }
     // A level takes a blur of its own light.
     let levels = blurs(3, 2);

@@ -282,14 +282,27 @@ impl<'a> Part<'a> {
         let limits = &self.whole.limits;
         let batches = self.whole.roughened.count;
 
-        let candidates = self.of_shared(shared, &features);
-        let p = Choice::of(size, &candidates, &weights.0, limits.kappa[0], batches);
+        // Without a blur no choice needs others like it.
+        let alike = |guide: Option<Guide>| {
+            move |pixel: usize, other: usize| {
+                let [pixel, other] = [pixel, other].map(|i| self.inner.number(i));
+                guide
+                    .as_ref()
+                    .map_or(1.0, |guide| guide.alike(pixel, other))
+            }
+        };
+        let choose = |candidates: &[Candidate], kappa, guide| {
+            Choice::of(size, candidates, &weights.0, kappa, batches, alike(guide))
+        };
+
+        let (candidates, guide) = self.of_shared(shared, &features);
+        let p = choose(&candidates, limits.kappa[0], guide);
         let mean = |light: &[Vec3A; BATCHES]| self.mean(light);
         let (shared, shared_batches) = p.blend(size, &candidates, mean);
         drop(candidates);
 
-        let candidates = self.of_roughened(all, features);
-        let r = Choice::of(size, &candidates, &weights.0, limits.kappa[1], batches);
+        let (candidates, guide) = self.of_roughened(all, features);
+        let r = choose(&candidates, limits.kappa[1], guide);
         let (roughened, rough_batches) = r.blend(size, &candidates, mean);
         let noise = |i: usize| {
             let batch = |b: usize| shared_batches[i][b] + rough_batches[i][b];
@@ -343,8 +356,8 @@ impl<'a> Part<'a> {
     }
 
     /// The light that all levels share: as it is, and blurred without its fireflies. With one level these are glints of lamps: they
-    /// stay where they are.
-    fn of_shared(&self, light: Batches, features: &[Features]) -> Vec<Candidate> {
+    /// stay where they are. With the guide of the blurs, if there are any.
+    fn of_shared(&self, light: Batches, features: &[Features]) -> (Vec<Candidate>, Option<Guide>) {
         let candidate = |number: usize, light: Batches| Candidate {
             level: 0,
             light,
@@ -359,7 +372,7 @@ impl<'a> Part<'a> {
         let sigmas = self.whole.limits.shared;
         // A blur of nothing is nothing.
         if sigmas.is_empty() || light.iter().flatten().all(|light| *light == Vec3A::ZERO) {
-            return all;
+            return (all, None);
         }
         let mut capped = light.clone();
         let keeps_glints = self.whole.film.levels() == 1;
@@ -382,7 +395,7 @@ impl<'a> Part<'a> {
             }
             all.push(candidate(1 + number, blurred));
         }
-        all
+        (all, Some(guide))
     }
 
     /// Cuts fireflies, what is above the caps.
@@ -398,15 +411,19 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// The light of roughened vertices: every level, and all but the first of several blurred.
-    fn of_roughened(&self, levels: Vec<Batches>, features: Vec<Features>) -> Vec<Candidate> {
+    /// The light of roughened vertices: every level, and all but the first of several blurred. With the guide of the blurs, if there are any.
+    fn of_roughened(
+        &self,
+        levels: Vec<Batches>,
+        features: Vec<Features>,
+    ) -> (Vec<Candidate>, Option<Guide>) {
         let count = levels.len();
         let missing = self.missing(&levels);
         let noise = |level: usize, times: f32| {
             let of = missing[level].iter();
             Some(of.map(|missing| missing.noise(times)).collect())
         };
-        let blurs = self.blurs(&levels, features);
+        let (blurs, guide) = self.blurs(&levels, features);
         let widest = blurs.len();
         // The first of several levels is too noisy for a blur; of the only one fireflies are.
         let first = usize::from(count > 1);
@@ -446,15 +463,19 @@ impl<'a> Part<'a> {
                 });
             }
         }
-        all
+        (all, guide)
     }
 
     /// Blurs of the light of roughened vertices by their standard deviation: those of all levels but the first, or of the only one
     /// without its fireflies.
-    fn blurs(&self, levels: &[Batches], features: Vec<Features>) -> Vec<(f32, Vec<Batches>)> {
+    fn blurs(
+        &self,
+        levels: &[Batches],
+        features: Vec<Features>,
+    ) -> (Vec<(f32, Vec<Batches>)>, Option<Guide>) {
         let sigmas = self.whole.limits.roughened;
         if sigmas.is_empty() {
-            return Vec::new();
+            return (Vec::new(), None);
         }
         let guide = Guide::new(self.size, Surface::Rough, &features);
         drop(features);
@@ -478,7 +499,7 @@ impl<'a> Part<'a> {
             let wide = guide.blur_in_steps::<STEP>(rest(*sigma), &self.inner, &[base]);
             blurs.push((*sigma, wide));
         }
-        blurs
+        (blurs, Some(guide))
     }
 
     /// A blur of [`BASE`] of all pixels that one of `sigma` takes values from.

@@ -336,17 +336,48 @@ static float opsr_spread(const opsr_film *f, int at, int x, int y) {
     return fmaxf(most - opsr_length2(f, at, x, y), 0.0f);
 }
 
+/* Guides of a pixel: of its first surface or its first rough one. */
+typedef struct {
+    int first, at, x, y;
+    float length, here, slope, spread;
+} opsr_guide;
+
+#define OPSR_F(x, y, i) f->features[((size_t)(y) * f->width + (x)) * OPSR_FEATURES + (i)]
+static opsr_guide opsr_guide_of(const opsr_film *f, int first, int x, int y) {
+    int w = f->width, h = f->height, at = first ? 4 : 0;
+    float length = OPSR_F(x, y, at + 3);
+    float across = fabsf(OPSR_F(x + 1 < w ? x + 1 : x, y, at + 3) - OPSR_F(x > 0 ? x - 1 : 0, y, at + 3));
+    float along = fabsf(OPSR_F(x, y + 1 < h ? y + 1 : y, at + 3) - OPSR_F(x, y > 0 ? y - 1 : 0, at + 3));
+    opsr_guide guide = {first, at, x, y, length, 0.02f * length + sqrtf(FLT_MIN), 0.25f * fmaxf(across, along), opsr_spread(f, at, x, y)};
+    return guide;
+}
+
+/* Weight, at most 1, of another pixel for one with these guides; `scale` is 1 / (2 sigma^2). */
+static float opsr_alike(const opsr_film *f, opsr_guide g, int x, int y, float scale) {
+    float d2 = (float)((x - g.x) * (x - g.x) + (y - g.y) * (y - g.y)), e = d2 * scale, normals = 0.0f;
+    float step = (OPSR_F(x, y, g.at + 3) - g.length) / (g.here + g.slope * sqrtf(d2));
+    e += 0.5f * step * step;
+    for (int i = 0; i < 3; i++) {
+        float d = OPSR_F(x, y, g.at + i) - OPSR_F(g.x, g.y, g.at + i);
+        normals += d * d;
+        if (g.first) {
+            d = (OPSR_F(x, y, 8 + i) - OPSR_F(g.x, g.y, 8 + i)) / 0.05f;
+            e += 0.5f * d * d;
+        }
+    }
+    e += 10.0f * fmaxf(normals - g.spread, 0.0f); /* a pixel that shows several surfaces takes light of each */
+    return expf(-fminf(e, 41.5888f)); /* at least 2^-60 */
+}
+#undef OPSR_F
+
 /* `first`: along the first surface, by its reflectance too; otherwise along the first rough one. */
 static void opsr_blur(const opsr_film *f, int first, float sigma, const opsr_light *in, opsr_light *out) {
-    int w = f->width, h = f->height, radius = (int)ceilf(2.0f * sigma), at = first ? 4 : 0;
+    int w = f->width, h = f->height, radius = (int)ceilf(2.0f * sigma);
     float most = 2.2f * sigma * 2.2f * sigma;
-#define OPSR_F(x, y, i) f->features[((size_t)(y) * w + (x)) * OPSR_FEATURES + (i)]
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++) {
-            float length = OPSR_F(x, y, at + 3), all = 0.0f;
-            float across = fabsf(OPSR_F(x + 1 < w ? x + 1 : x, y, at + 3) - OPSR_F(x > 0 ? x - 1 : 0, y, at + 3));
-            float along = fabsf(OPSR_F(x, y + 1 < h ? y + 1 : y, at + 3) - OPSR_F(x, y > 0 ? y - 1 : 0, at + 3));
-            float here = 0.02f * length + sqrtf(FLT_MIN), slope = 0.25f * fmaxf(across, along), spread = opsr_spread(f, at, x, y);
+            opsr_guide guide = opsr_guide_of(f, first, x, y);
+            float all = 0.0f;
             opsr_light sum;
             memset(&sum, 0, sizeof sum);
             for (int dy = -radius; dy <= radius; dy++) {
@@ -355,19 +386,7 @@ static void opsr_blur(const opsr_film *f, int first, float sigma, const opsr_lig
                 int half = (int)sqrtf(left) < radius ? (int)sqrtf(left) : radius;
                 for (int dx = -half; dx <= half; dx++) {
                     if (x + dx < 0 || x + dx >= w) continue;
-                    float d2 = (float)(dx * dx + dy * dy), e = 0.5f * d2 / (sigma * sigma), normals = 0.0f;
-                    float step = (OPSR_F(x + dx, y + dy, at + 3) - length) / (here + slope * sqrtf(d2));
-                    e += 0.5f * step * step;
-                    for (int i = 0; i < 3; i++) {
-                        float d = OPSR_F(x + dx, y + dy, at + i) - OPSR_F(x, y, at + i);
-                        normals += d * d;
-                        if (first) {
-                            d = (OPSR_F(x + dx, y + dy, 8 + i) - OPSR_F(x, y, 8 + i)) / 0.05f;
-                            e += 0.5f * d * d;
-                        }
-                    }
-                    e += 10.0f * fmaxf(normals - spread, 0.0f); /* a pixel that shows several surfaces takes light of each */
-                    float weight = expf(-fminf(e, 41.5888f)); /* at least 2^-60 */
+                    float weight = opsr_alike(f, guide, x + dx, y + dy, 0.5f / (sigma * sigma));
                     const opsr_light *l = in + (size_t)(y + dy) * w + x + dx;
                     all += weight;
                     for (int b = 0; b < OPSR_BATCHES; b++)
@@ -377,7 +396,6 @@ static void opsr_blur(const opsr_film *f, int first, float sigma, const opsr_lig
             for (int b = 0; b < OPSR_BATCHES; b++)
                 for (int c = 0; c < 3; c++) out[(size_t)y * w + x].v[b][c] = sum.v[b][c] / all;
         }
-#undef OPSR_F
 }
 
 /* ---- the rule ---- */
@@ -410,24 +428,34 @@ static void opsr_seen_again(int w, int h, float *square, const float *least, flo
 }
 
 /* Choices less those that chance makes: a pixel takes the next wider blur where too few pixels around have taken one as narrow as its
-   own. `share` has room for a float a pixel. */
-static int opsr_common(int w, int h, const opsr_candidate *all, int count, unsigned char *chosen, float *share) {
+   own, of all and of those on its surface. `share` has room for a float a pixel; `first` says which surface. */
+static int opsr_common(const opsr_film *f, int first, const opsr_candidate *all, int count, unsigned char *chosen, float *share) {
+    int w = f->width, h = f->height, widest = 0;
     size_t n = (size_t)w * h;
-    int widest = 0, failed = 0;
     for (int k = 0; k < count; k++) widest = all[k].blur > widest ? all[k].blur : widest;
-    unsigned char *first = (unsigned char *)malloc(n);
+    unsigned char *old = (unsigned char *)malloc(n);
     float *line = (float *)malloc((size_t)(w > h ? w : h) * sizeof(float));
-    failed = !first || !line;
-    if (!failed) memcpy(first, chosen, n);
+    int failed = !old || !line;
+    if (!failed) memcpy(old, chosen, n);
     for (int blur = 0; !failed && blur < widest; blur++) {
-        for (size_t i = 0; i < n; i++) share[i] = all[first[i]].blur <= blur;
-        opsr_box(share, w, h, 1, blur < 2 ? 3 : 4, line);
-        for (size_t i = 0; i < n; i++) {
-            const opsr_candidate *one = all + chosen[i];
-            if (one->blur == blur && share[i] < (blur < 2 ? 0.37f : 0.49f) && one->wider >= 0) chosen[i] = (unsigned char)one->wider;
+        int radius = blur < 2 ? 3 : 4;
+        float least = blur < 2 ? 0.37f : 0.49f;
+        for (size_t i = 0; i < n; i++) share[i] = all[old[i]].blur <= blur;
+        opsr_box(share, w, h, 1, radius, line);
+        for (int i = 0; i < (int)n; i++) {
+            if (all[chosen[i]].blur != blur || share[i] >= least || all[chosen[i]].wider < 0) continue;
+            opsr_guide guide = opsr_guide_of(f, first, i % w, i / w);
+            float narrow = 0.0f, near = 0.0f;
+            for (int y = guide.y > radius ? guide.y - radius : 0; y < h && y <= guide.y + radius; y++)
+                for (int x = guide.x > radius ? guide.x - radius : 0; x < w && x <= guide.x + radius; x++) {
+                    float weight = opsr_alike(f, guide, x, y, 0.0f);
+                    near += weight;
+                    if (all[old[(size_t)y * w + x]].blur <= blur) narrow += weight;
+                }
+            if (narrow / near < least) chosen[i] = (unsigned char)all[chosen[i]].wider;
         }
     }
-    free(first);
+    free(old);
     free(line);
     return failed ? -1 : 0;
 }
@@ -517,7 +545,7 @@ static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count,
             }
         }
     }
-    if (!failed) failed = opsr_common(f->width, f->height, all, count, chosen, bias);
+    if (!failed) failed = opsr_common(f, !all[0].missing, all, count, chosen, bias);
     if (!failed) memset(layer, 0, n * 3 * sizeof(float));
     for (int k = 0; !failed && k < count; k++) {
         for (size_t i = 0; i < n; i++) bias[i] = chosen[i] == k;
