@@ -214,7 +214,7 @@ plant "one level: chance counts as it stands" src/resolve/layer.rs \
 plant "resolve: lone choices stay" src/resolve/layer.rs \
     's/&& share < least \{/\&\& share < 0.0 {/' lib::resolve::tests::lone_choices_give_way_and_features_stay
 plant "resolve: a lone choice takes the blur of another level" src/resolve/tiles.rs \
-    's/all\.len\(\) \+ count - first\)/all.len() + 1)/' lib::resolve::tests::lone_choices_take_blurs_of_their_own_level
+    's/all\.len\(\) \+ count - first\)/all.len() + 1)/' export::resolve::c_chooses_as_the_library_does
 plant "one level: discs of fireflies" src/resolve/tiles.rs \
     's/self\.cap\(&mut only\);//' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
 plant "one level: discs of glints" src/resolve/tiles.rs \

@@ -14,7 +14,7 @@ pub(super) struct Guides {
     aovs: Option<Aovs>,
     window: Window,
     paths: Vec<Guide>,
-    /// Those of each fork that was joined: nothing is copied while all are there.
+    /// Guides of each joined fork: nothing is copied while all are there.
     joined: Vec<Vec<Guide>>,
 }
 
