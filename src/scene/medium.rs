@@ -69,6 +69,7 @@ impl Filling {
             material: self.phase,
             least_reflected: 0.0,
             error: 0.0,
+            rise: 0.0,
         }
     }
 }

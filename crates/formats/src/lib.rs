@@ -198,11 +198,12 @@ fn shines(parts: &SceneParts) -> bool {
 
 impl Context {
     fn finish(mut self) -> Result<Loaded> {
-        self.fill_scene()?;
-        let parts = self.builder.finish().map_err(|e| match e {
+        let builder = std::mem::take(&mut self.builder);
+        let mut parts = builder.finish().map_err(|e| match e {
             BuildError::Memory(shortage) => Fault::from(shortage),
             other => fault("scene", other.to_string()),
         })?;
+        self.fill_scene(&mut parts)?;
         Ok(Loaded {
             light: match parts.own_boundaries {
                 true if shines(&parts) => FileLight::Lamps,

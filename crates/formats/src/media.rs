@@ -2,12 +2,14 @@
 //!
 //! A shape names the medium inside and the one outside of it. Where the two are one, or none is named, the boundary means nothing to
 //! media: what is around it goes on in it. A path tracks the bodies around it, which determine the medium outside of a
-//! shape. Only the medium of the whole scene must be found: the one outside of a shape or around the camera that fills no shape.
+//! shape. Only the medium of the whole scene must be found: the one outside of a shape or around the camera that fills no shape,
+//! or what the bodies around the camera tell.
 
 use super::{Context, Material, Medium};
 use crate::build::looks;
-use opsr::math::Rgb;
+use opsr::math::{Rgb, Vec2};
 use opsr::scene::load::error::{Result, fault};
+use opsr::scene::{Scene, SceneParts};
 
 /// A medium of a file by its number; `None` for nothing.
 pub(super) type Named = Option<usize>;
@@ -17,8 +19,10 @@ pub(super) type Named = Option<usize>;
 pub(super) struct Media {
     all: Vec<Medium>,
     inside: Vec<Named>,
-    /// Media outside of shapes and around cameras, and where the file says so.
+    /// Media outside of shapes, and where the file says so.
     outside: Vec<(Named, String)>,
+    /// The same around cameras.
+    cameras: Vec<(Named, String)>,
 }
 
 impl Media {
@@ -48,7 +52,7 @@ impl Media {
 impl Context {
     /// Notes the medium around a camera.
     pub(super) fn camera_in(&mut self, medium: Named, place: &str) {
-        self.media.outside.push((medium, place.to_owned()));
+        self.media.cameras.push((medium, place.to_owned()));
     }
 
     /// Makes a material the boundary between media inside and outside of it.
@@ -82,20 +86,43 @@ impl Context {
     }
 
     /// Finds the medium of the whole scene.
-    pub(super) fn fill_scene(&mut self) -> Result<()> {
-        let Media {
-            all,
-            inside,
-            outside,
-        } = std::mem::take(&mut self.media);
-        let mut outer = outside.iter().filter(|(named, _)| !inside.contains(named));
+    pub(super) fn fill_scene(&mut self, parts: &mut SceneParts) -> Result<()> {
+        let media = std::mem::take(&mut self.media);
+        let fills = |named: &Named| media.inside.contains(named);
+        let last = media.cameras.last();
+        // A medium that fills some body too may be the outer one as well, which the bodies around the camera tell.
+        let around = last
+            .filter(|(named, _)| named.is_some() && fills(named))
+            .and_then(|camera| media.beyond(camera, parts));
+        let named = media.cameras.iter().chain(&media.outside);
+        let outer = named.filter(|(named, _)| !fills(named));
+        let mut outer = around.into_iter().chain(outer);
         let Some((first, _)) = outer.next() else {
             return Ok(());
         };
         if let Some((_, place)) = outer.find(|(named, _)| named != first) {
             self.left_out(place, "another medium outside of all bodies than elsewhere")?;
         }
-        self.parts().medium = first.map(|i| all[i]);
+        parts.medium = first.map(|i| media.all[i]);
         Ok(())
+    }
+}
+
+impl Media {
+    /// The medium outside of the outermost body around the last camera, or that of the camera itself where it is in none.
+    fn beyond<'a>(
+        &'a self,
+        of_camera: &'a (Named, String),
+        parts: &SceneParts,
+    ) -> Option<&'a (Named, String)> {
+        let ray = parts.cameras.last()?.ray(Vec2::splat(0.5), 1.0);
+        let around = Scene::new(parts.clone()).bodies_around(&ray);
+        let Some(&outermost) = around.last() else {
+            return Some(of_camera);
+        };
+        let filling = parts.materials[outermost as usize].medium.as_deref()?;
+        let fills = |named: &Named| named.is_some_and(|i| self.all[i] == *filling);
+        let boundary = self.inside.iter().position(fills)?;
+        self.outside.get(boundary)
     }
 }
