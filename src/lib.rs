@@ -77,6 +77,7 @@
 //! - `[Hoberock10]` Hoberock, Hart: *Arbitrary Importance Functions for Metropolis Light Transport*, CGF 29(6), 2010.
 //! - `[Müller17]` Müller, Gross, Novák: *Practical Path Guiding for Efficient Light-Transport Simulation*, EGSR 2017.
 //! - `[Müller19]` Müller: *"Practical Path Guiding" in Production*, in: Path Guiding in Production, SIGGRAPH 2019 courses.
+//! - `[Hanika21]` Hanika: *Hacking the Shadow Terminator*, in: Ray Tracing Gems II, 2021.
 //! - `[SMS]` Zeltner, Georgiev, Jakob: *Specular Manifold Sampling for Rendering High-Frequency Caustics and Glints*, SIGGRAPH 2020.
 //! - `[Duff17]` Duff et al.: *Building an Orthonormal Basis, Revisited*, JCGT 2017.
 //! - `[Woop13]` Woop, Benthin, Wald: *Watertight Ray/Triangle Intersection*, JCGT 2013.

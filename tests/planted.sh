@@ -270,6 +270,8 @@ plant "photons: lists of light paths double" src/integrator/bidirectional/photon
     lib::integrator::bidirectional::photons::tests::lists_grow_to_the_length_that_is_expected
 plant "normals: matt surfaces bend as mirrors do" src/scene/mod.rs \
     's/surface\.least_reflected = normals::LEAST_MATT;//' appearance::relief_of_matt_surfaces_does_not_depend_on_the_view
+plant "normals: facets hide light from themselves" src/scene/normals.rs \
+    's/height \+= weight \* /height += 0.0 * weight * /' appearance::shadow_of_a_coarse_ball_begins_where_that_of_a_fine_one_does
 plant "lighting: a tint of emission is a picture" src/scene/lighting.rs \
     's/ && self\.emitted >= VISIBLE \* self\.reflected//' own_light::lamps_light_and_decoration_does_not
 plant "resolve: a pixel leaves out the first cell around it" src/resolve/guide.rs \

@@ -5,10 +5,12 @@ use super::instances::{Instances, Shared};
 use super::material::TextureRef;
 use super::material::may_vanish;
 use super::mesh::{attribute, mix};
-use super::normals::{LEAST_ROUGH, LEAST_SMOOTH, lifted, normal_texel, perturbed, tangent};
+use super::normals::{
+    LEAST_ROUGH, LEAST_SMOOTH, is_curved, lifted, normal_texel, perturbed, rise, tangent,
+};
 use super::{Footprint, Hit, Mesh, SceneParts, Surface, TriangleId};
 use crate::bsdf::DELTA_ALPHA;
-use crate::math::{DVec3, Ray, Vec2, Vec3, Vec4};
+use crate::math::{DVec3, Ray, Rgb, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -50,7 +52,7 @@ pub(super) struct Triangle {
     /// Shading normals of the corners; zero where the mesh has none.
     normals: [Vec3; 3],
     /// Index of the material; [`TEXTURED`] if it needs texture coordinates, [`ONE_SIDED`] if only its front is seen, [`HIDDEN`]
-    /// if it is not seen at all, [`ROUGH`] if it is opaque and rough.
+    /// if it is not seen at all, [`ROUGH`] if it is opaque and rough, [`CURVED`] if it stands for a curved opaque surface.
     material: u32,
     /// Index of the mesh.
     mesh: u32,
@@ -65,12 +67,13 @@ const TEXTURED: u32 = 1 << 31;
 const ONE_SIDED: u32 = 1 << 30;
 const HIDDEN: u32 = 1 << 29;
 const ROUGH: u32 = 1 << 28;
+const CURVED: u32 = 1 << 27;
 
 impl Triangle {
     /// Index of the material.
     #[inline]
     fn material(&self) -> u32 {
-        self.material & !(TEXTURED | ONE_SIDED | HIDDEN | ROUGH)
+        self.material & !(TEXTURED | ONE_SIDED | HIDDEN | ROUGH | CURVED)
     }
 
     /// Corners' indices in the triangle's mesh.
@@ -101,11 +104,16 @@ impl Triangle {
                 !material.transmits() && material.alpha >= DELTA_ALPHA,
                 ROUGH,
             );
+        let ng = normal(a, b, c).normalize().as_vec3();
+        let normals =
+            attribute(&mesh.normals, &mesh.indices[face as usize]).unwrap_or([Vec3::ZERO; 3]);
+        let opaque = !material.transmits() && material.translucency().is_none();
+        let opaque = opaque && material.emission == Rgb::ZERO && !material.is_hidden();
+        let bits = bits | bit(opaque && is_curved(&normals, ng), CURVED);
         Self {
             corners,
-            ng: normal(a, b, c).normalize().as_vec3(),
-            normals: attribute(&mesh.normals, &mesh.indices[face as usize])
-                .unwrap_or([Vec3::ZERO; 3]),
+            ng,
+            normals,
             material: mesh.material | bits,
             mesh: m,
             face,
@@ -709,6 +717,17 @@ impl Triangle {
         if flipped {
             ns = -ns;
         }
+        let mut height = 0.0;
+        if self.material & CURVED != 0 {
+            let [u, v] = [hit.u, hit.v].map(f64::from);
+            let corners = [DVec3::ZERO, e, f].map(|corner| (corner - u * e - v * f).as_vec3());
+            height = rise(
+                &weights,
+                &corners,
+                &self.normals.map(|n| to_world.normal(n)),
+                ng,
+            );
+        }
         Surface {
             position,
             ng,
@@ -722,6 +741,7 @@ impl Triangle {
                 LEAST_SMOOTH
             },
             error: to_world.error(rounding + 1e-13 * extent),
+            rise: height,
         }
     }
 

@@ -70,6 +70,9 @@ pub struct Surface {
     pub least_reflected: f32,
     /// Distance from `position` along ±`ng` at which a ray is clear of this surface's rounding error.
     pub error: f32,
+    /// Height along `ng` of the curved opaque surface for which a flat triangle stands; 0 for others, and for rays that came from
+    /// behind. See [`Surface::leaves`].
+    pub rise: f32,
 }
 
 /// The immutable scene.
@@ -527,6 +530,28 @@ impl Surface {
         }
     }
 
+    /// True if a walk from the camera may go on towards `w`, with the cosine `z` in its shading frame. Both normals agree about the
+    /// side, or the triangle's plane alone hides what the curved surface sees: such rays set out from the latter.
+    #[inline]
+    pub(crate) fn leaves(&self, w: Vec3, z: f32) -> bool {
+        w.dot(self.ng) * z > 0.0 || (z > 0.0 && self.is_below(w))
+    }
+
+    /// True for a direction below the triangle's plane that its curved surface sees. No light arrives at the triangle along it.
+    #[inline]
+    pub(crate) fn is_below(&self, w: Vec3) -> bool {
+        self.rise > 0.0 && w.dot(self.ng) <= 0.0
+    }
+
+    /// The same surface for a ray that arrives along `dir`.
+    #[inline]
+    pub(crate) fn seen_along(mut self, dir: Vec3) -> Self {
+        if dir.dot(self.ng) > 0.0 {
+            self.rise = 0.0;
+        }
+        self
+    }
+
     /// A ray that leaves this surface towards `dir`, starting clear of it.
     #[inline]
     pub fn spawn(&self, dir: Vec3) -> Ray {
@@ -538,11 +563,33 @@ impl Surface {
         Ray::new(self.position + side * self.ng, dir)
     }
 
+    /// The same for a direction along which a walk leaves, which may be below the plane of a facet of a curved surface.
+    #[inline]
+    pub fn spawn_leaving(&self, dir: Vec3) -> Ray {
+        if self.is_below(dir) {
+            let height = self.rise.max(self.error);
+            return Ray::new(self.position + height * self.ng, dir);
+        }
+        self.spawn(dir)
+    }
+
+    /// The same for the point at a distance along `dir`, and the length to there.
+    #[inline]
+    fn spawn_towards(&self, dir: Vec3, distance: f32) -> (Ray, f32) {
+        let ray = self.spawn_leaving(dir);
+        if !self.is_below(dir) || distance == f32::INFINITY {
+            return (ray, distance);
+        }
+        let to = self.position + distance * dir - ray.origin;
+        let length = to.length();
+        (Ray::new(ray.origin, to / length), length)
+    }
+
     /// The segment from this surface along `dir` to just before another surface at this distance, whose absolute cosine
     /// with `dir` is `cos`.
     #[inline]
     pub(crate) fn spawn_to(&self, other: &Self, dir: Vec3, distance: f32, cos: f32) -> Ray {
-        let mut ray = self.spawn(dir);
+        let (mut ray, distance) = self.spawn_towards(dir, distance);
         let slack = (self.error + other.error + 2.0 * f32::EPSILON * distance) / cos;
         ray.t_max = (distance - slack).max(0.5 * distance);
         ray
@@ -551,11 +598,11 @@ impl Surface {
     /// The segment from this surface to just before a light sample.
     #[inline]
     pub fn spawn_to_light(&self, light: &LightSample) -> Ray {
-        let mut ray = self.spawn(light.wi);
+        let (mut ray, distance) = self.spawn_towards(light.wi, light.distance);
         // The light's own surface must not hide it, but a sheet just before it must. A rounding error e along the normal
         // moves the meeting point by e over the cosine. For a light at infinity the difference stays infinite.
         let slack = (self.error + light.error) / light.cos;
-        ray.t_max = (light.distance - slack).max(0.5 * light.distance);
+        ray.t_max = (distance - slack).max(0.5 * distance);
         ray
     }
 }

@@ -63,6 +63,24 @@ pub(super) fn lifted(ns: Vec3, ng: Vec3) -> Vec3 {
     }
 }
 
+/// True if the normals of a triangle's corners are those of a curved surface: not all its own, and none so far from it that they
+/// round an edge.
+pub(super) fn is_curved(normals: &[Vec3; 3], ng: Vec3) -> bool {
+    let [a, b, c] = normals.map(|n| n.dot(ng).abs());
+    a.min(b).min(c) > 0.7 && a.min(b).min(c) < 0.9999
+}
+
+/// Height over a point of a triangle of the smooth surface for which it stands: the mean distance below the planes through its corners
+/// across their normals, as `corners` are seen from the point `[Hanika21]`. 0 where the surface is hollow.
+pub(super) fn rise(weights: &[f32; 3], corners: &[Vec3; 3], normals: &[Vec3; 3], ng: Vec3) -> f32 {
+    let mut height = 0.0;
+    for ((weight, corner), n) in weights.iter().zip(corners).zip(normals) {
+        let side = if n.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+        height += weight * (side * corner.dot(*n)).max(0.0);
+    }
+    height
+}
+
 /// Cosine with the geometric normal that the mirror image of a direction about a bent shading normal keeps. Where it is less, a
 /// rough lobe about the mirror direction loses half of its light below the surface.
 pub(super) const LEAST_ROUGH: f32 = 0.08;

@@ -490,6 +490,39 @@ fn white_furnace_of_coarse_balls_shows_no_rim() {
     }
 }
 
+/// The edge of the shadow on a ball of few facets is where it is on a ball of many: the sun shines from the side.
+#[test]
+fn shadow_of_a_coarse_ball_begins_where_that_of_a_fine_one_does() {
+    let ball = |divisions: u32| {
+        let mut parts = SceneParts::default();
+        let white = diffuse("ball", Rgb::ONE);
+        parts.add(white, [sphere(Vec3::ZERO, 1.0, divisions)]);
+        parts.add_camera([0.0, 0.0, 6.0], [0.0; 3], 18.0);
+        parts.lights.push(PunctualLight::Directional {
+            direction: Vec3::NEG_X,
+            irradiance: Rgb::splat(3.0),
+        });
+        film(&scene(parts), Rule::Plain, 32, 64, 7).mean()
+    };
+    let fine = ball(6);
+    for (divisions, off) in [(1, 0.08), (2, 0.02)] {
+        let coarse = ball(divisions);
+        // Without the ball's outline, where the coarse one is not.
+        let inner = fine.pixels.iter().enumerate().filter(|(i, _)| {
+            let at = Vec2::new((i % 32) as f32, (i / 32) as f32) - 15.5;
+            at.length() < 12.5
+        });
+        let (mut sum, mut of, mut dark) = (0.0, 0.0, 0);
+        for (i, there) in inner {
+            sum += coarse.pixels[i].y;
+            of += there.y;
+            dark += usize::from(coarse.pixels[i].y < there.y / 3.0 && there.y > 0.02);
+        }
+        assert!((sum / of - 1.0).abs() < off, "{divisions}: {sum} of {of}");
+        assert!(dark < 3, "{divisions}: {dark} dark pixels");
+    }
+}
+
 /// Ripples of 10 degrees by a normal map, seen from low above them: a mirror loses nothing, and water reflects by Fresnel at the
 /// normal that its mirror direction allows.
 #[test]

@@ -3,8 +3,8 @@
 use crate::geometry::{
     bumpy_sphere, direction, geometry_of, mesh_of, parts_of, point, rng, square,
 };
-use opsr::math::{Frame, Ray, Vec2, Vec3};
-use opsr::scene::procedural::shapes;
+use opsr::math::{Frame, Ray, Rgb, Vec2, Vec3};
+use opsr::scene::procedural::{materials, shapes};
 use opsr::scene::{
     AlphaMode, Geometry, Hit, Material, Mesh, Scene, SceneParts, Surface, Texture, TextureRef,
     TriangleId,
@@ -250,6 +250,70 @@ fn shading_normal_and_geometric_normal_agree_on_sides() {
         bent += usize::from(n != s.ns);
     }
     assert!(bent > 100, "only {bent} normals were bent");
+}
+
+/// Triangles that stand for curved surfaces have a height below these, others none: bit for bit as if there were no such thing.
+#[test]
+fn only_facets_of_curved_opaque_surfaces_rise() {
+    let ball = |divisions| shapes::sphere(Vec3::ZERO, 1.0, divisions);
+    let faceted = || {
+        let of = |[a, b, c]: [u32; 3]| [a, b, c].map(|i| ball(1).positions[i as usize]);
+        let corners: Vec<_> = ball(1).indices.iter().map(|face| of(*face)).collect();
+        let normal = |[a, b, c]: &[Vec3; 3]| (*b - *a).cross(*c - *a).normalize();
+        Mesh {
+            normals: corners.iter().flat_map(|c| [normal(c); 3]).collect(),
+            indices: (0..corners.len() as u32)
+                .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+                .collect(),
+            positions: corners.into_iter().flatten().collect(),
+            ..Mesh::default()
+        }
+    };
+    let rounded = || {
+        let mut cube = shapes::cuboid(Vec3::NEG_ONE, Vec3::ONE);
+        cube.normals = cube.positions.iter().map(|p| p.normalize()).collect();
+        cube
+    };
+    let hollow = || {
+        let mut ball = ball(1);
+        ball.indices.iter_mut().for_each(|face| face.swap(1, 2));
+        ball
+    };
+    let matt = || materials::diffuse("matt", Rgb::ONE);
+    let cases = [
+        ("ball", matt(), ball(1), true),
+        (
+            "metal",
+            materials::metal("metal", Rgb::ONE, 0.2),
+            ball(2),
+            true,
+        ),
+        ("facets", matt(), faceted(), false),
+        ("rounded cube", matt(), rounded(), false),
+        ("hollow", matt(), hollow(), false),
+        ("glass", materials::glass("glass", 1.5, 0.0), ball(1), false),
+        ("lamp", materials::emitter("lamp", Rgb::ONE), ball(1), false),
+    ];
+    for (name, material, mesh, rises) in cases {
+        let mut parts = SceneParts::default();
+        parts.add(material, [mesh]);
+        let scene = Scene::new(parts);
+        let mut rng = rng(91);
+        for _ in 0..2000 {
+            let dir = direction(&mut rng);
+            let ray = Ray::new(-3.0 * dir + point(&mut rng, 0.3), dir);
+            let surface = scene.surface(&scene.intersect(&ray).expect("a hit"));
+            let p = surface.position;
+            assert!(rises || surface.rise == 0.0, "{name}: {}", surface.rise);
+            // A ray that its facet alone would block passes over the whole ball.
+            let out = (surface.ns - 1.001 * surface.ns.dot(surface.ng) * surface.ng).normalize();
+            if rises && surface.ns.dot(out) > 0.1 {
+                let height = (p + surface.rise * surface.ng).length();
+                assert!(height > 0.98 && height < 1.06, "{name}: {height}");
+                assert!(!scene.occluded(&surface.spawn_leaving(out)), "{name}: {p}");
+            }
+        }
+    }
 }
 
 /// A light walk's vertex looks its BSDF up twice, once as the camera sees it: the frame is the same.

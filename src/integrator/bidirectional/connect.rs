@@ -145,7 +145,7 @@ impl Iteration<'_> {
             return Rgb::ZERO;
         }
         // Most pairs see each other from behind.
-        if !vertex.scatters_to(dir) || !light.scatters_to(-dir) {
+        if !(vertex.scatters_to(dir) || vertex.surface.is_below(dir)) || !light.scatters_to(-dir) {
             return Rgb::ZERO;
         }
         let Some(here) = vertex.towards_light(dir) else {
@@ -154,7 +154,7 @@ impl Iteration<'_> {
         let Some(there) = light.towards_camera(-dir) else {
             return Rgb::ZERO;
         };
-        let (cos_here, cos_there) = (vertex.cos(dir), light.cos(dir));
+        let (cos_here, cos_there) = (vertex.cos(dir), light.cos(-dir));
         let allows = |end: &Vertex| self.merge_rule.allows(end.is_sharp(), distance);
         let weight = self.strategies.weight(light.n + 1, vertex.n + 1, || {
             weights::connection(

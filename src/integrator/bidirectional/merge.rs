@@ -57,6 +57,9 @@ impl Iteration<'_> {
             if vertex.n + photon.n() - 1 > self.settings.max_vertices {
                 return;
             }
+            if vertex.surface.is_below(photon.back) {
+                return;
+            }
             let Some(eval) = vertex.towards_light(photon.back) else {
                 return;
             };

@@ -248,7 +248,7 @@ impl Iteration<'_> {
         let Some(there) = light.towards_camera(-dir) else {
             return Rgb::ZERO;
         };
-        let cos = light.cos(dir);
+        let cos = light.cos(-dir);
         let segment = end.surface.spawn_to(&light.surface, dir, distance, cos);
         let panes = self.left(end.n + light.n);
         let Some(transmittance) = end.around.unblocked(scene, &segment, distance, panes) else {

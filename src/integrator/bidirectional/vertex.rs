@@ -93,7 +93,11 @@ impl Vertex {
     /// `None` where nothing is scattered.
     #[inline]
     pub(super) fn towards_light(&self, out: Vec3) -> Option<BsdfEval> {
-        let eval = self.query_light(out)?.at(self.alpha);
+        let wi = self.frame.to_local(out);
+        let lit = self.surface.leaves(out, wi.z);
+        let eval = lit
+            .then(|| self.bsdf.query(self.local, wi))??
+            .at(self.alpha);
         (eval.value != Rgb::ZERO).then_some(eval)
     }
 
@@ -164,6 +168,9 @@ impl Vertex {
     /// Density with which the other walk, coming from `out`, draws `back`.
     #[inline]
     pub(super) fn pdf_back(&self, out: Vec3) -> f32 {
+        if self.surface.is_below(out) {
+            return 0.0;
+        }
         let pdf = |(from, to)| self.bsdf.pdf(self.alpha, from, to);
         self.seen_from(out).map_or(0.0, pdf)
     }
@@ -187,11 +194,14 @@ impl Vertex {
     }
 
     /// Absolute geometric cosine with a direction, clamped as in all weights; 1 at a point of a medium, whose densities are
-    /// per volume.
+    /// per volume, and 0 along directions from which no light walk arrives.
     #[inline]
     pub(super) fn cos(&self, w: Vec3) -> f32 {
         if self.surface.is_in_medium() {
             return 1.0;
+        }
+        if self.surface.is_below(w) {
+            return 0.0;
         }
         clamped(self.surface.ng.dot(w))
     }

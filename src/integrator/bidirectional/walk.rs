@@ -170,7 +170,11 @@ impl<'a> WeightedWalk<'a> {
     pub(super) fn scatter(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<Onward> {
         let sample = vertex.bsdf.sample(vertex.alpha, vertex.local, u)?;
         let out = vertex.frame.to_world(sample.wi);
-        if out.dot(vertex.surface.ng) * sample.wi.z <= 0.0 {
+        let leaves = match self.base.origin {
+            Origin::Camera => vertex.surface.leaves(out, sample.wi.z),
+            Origin::Light => out.dot(vertex.surface.ng) * sample.wi.z > 0.0,
+        };
+        if !leaves {
             return None;
         }
         if sample.delta && self.is_straight(vertex, sample.lobe) {

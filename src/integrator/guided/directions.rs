@@ -62,7 +62,7 @@ impl Mixture<'_> {
         } else {
             let (dir, pdf) = region.tree.sample(Vec2::new(u[1], u[2]));
             let wi = point.frame.to_local(dir);
-            if dir.dot(point.surface.ng) * wi.z <= 0.0 {
+            if !point.surface.leaves(dir, wi.z) {
                 return None;
             }
             let query = point.bsdf.query(point.wo, wi)?;

@@ -206,7 +206,7 @@ impl<'a> Walk<'a> {
         }
         let hit = segment.hit?;
         Some(Arrival {
-            surface: self.scene.surface(&hit),
+            surface: self.scene.surface(&hit).seen_along(self.ray.dir),
             hit,
         })
     }
@@ -320,7 +320,7 @@ impl<'a> Walk<'a> {
                 self.around = at.around(self.scene, &self.around, wi);
             }
         }
-        self.ray = at.surface.spawn(wi);
+        self.ray = at.surface.spawn_leaving(wi);
         self.from = self.ray.origin;
         self.from_camera = false;
         self.pixel = PixelCone::default();

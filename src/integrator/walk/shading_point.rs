@@ -59,7 +59,7 @@ impl ShadingPoint<'_> {
     #[inline]
     pub(in crate::integrator) fn world(&self, wi: Vec3) -> Option<Vec3> {
         let world = self.frame.to_world(wi);
-        (world.dot(self.surface.ng) * wi.z > 0.0).then_some(world)
+        self.surface.leaves(world, wi.z).then_some(world)
     }
 
     /// True where a ray along the world direction `wi` ends inside a body without light.
@@ -160,7 +160,7 @@ impl ShadingPoint<'_> {
     #[inline(always)]
     pub(in crate::integrator) fn direction_to(&self, light: &LightSample) -> Option<Vec3> {
         let wi = self.frame.to_local(light.wi);
-        let lit = light.wi.dot(self.surface.ng) * wi.z > 0.0;
+        let lit = self.surface.leaves(light.wi, wi.z);
         (lit && !self.is_dark(light.wi) && !self.passes(wi)).then_some(wi)
     }
 
@@ -194,7 +194,7 @@ impl ShadingPoint<'_> {
     /// Emission seen along the world direction `wi`, and the transmittance to it.
     #[inline]
     pub(in crate::integrator) fn emission_towards(&self, wi: Vec3) -> Option<(Emission, Rgb)> {
-        let ray = self.surface.spawn(wi);
+        let ray = self.surface.spawn_leaving(wi);
         if self.scene.has_panes() {
             return self.emission_through_panes(&ray);
         }

@@ -42,6 +42,15 @@ pub(super) fn with_sphere(material: Material) -> SceneParts {
     parts
 }
 
+/// Balls of 80 triangles, matt and glossy, whose triangles see light from below their planes.
+fn coarse_balls() -> SceneParts {
+    let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
+    let at = |x| sphere(Vec3::new(x, 0.45, 0.0), 0.4, 1);
+    parts.add(diffuse("ball", HALF), [at(-0.5)]);
+    parts.add(coated("gloss", Rgb::new(0.2, 0.5, 0.7), 0.2), [at(0.5)]);
+    parts
+}
+
 fn blocks() -> [opsr::scene::Mesh; 1] {
     [cuboid(Vec3::new(-0.6, 0.0, -0.5), Vec3::new(0.0, 0.8, 0.1))]
 }
@@ -376,6 +385,7 @@ pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
         ("sharp coat", with_sphere(coated("coat", HALF, 0.0)), 128),
         ("rough coat", with_sphere(coated("coat", HALF, 0.2)), 64),
         ("metal", with_sphere(metal("metal", HALF, 0.2)), 128),
+        ("coarse balls", coarse_balls(), 128),
         ("environment", sunny(false), 64),
         ("sun", sunny(true), 64),
         ("point", point_lit(diffuse("walls", HALF)), 64),
