@@ -74,12 +74,12 @@ plant "5 long paths forget" table/src/roughness.rs \
 plant "6 weights as quotients of densities" src/math/measure.rs \
     's/1\.0 \/ \(1\.0 \+ q \/ p\)/p \/ (p + q)/' stability::case_6_mis_weights_of_extreme_densities
 plant "7 rays that end on the light" src/scene/mod.rs \
-    's/\(light\.distance - slack\)/(light.distance - 0.0 * slack)/' stability::case_7_light_sampling_near_and_far
+    's/(light\.cos;\s+ray\.t_max = \()distance - slack/$1distance - 0.0 * slack/' stability::case_7_light_sampling_near_and_far
 plant "8 Fresnel with a difference of squares" src/bsdf/fresnel.rs \
     's/\(eta - 1\.0\) \* \(eta \+ 1\.0\) \+ cos \* cos/eta * eta * (1.0 - (1.0 - cos * cos) \/ (eta * eta))/' \
     stability::case_8_fresnel_and_interfaces
 plant "9 sides by the shading normal" src/integrator/walk/shading_point.rs \
-    's/light\.wi\.dot\(self\.surface\.ng\) \* wi\.z > 0\.0/true/' \
+    's/self\.surface\.leaves\(light\.wi, wi\.z\)/true/' \
     stability::cases_9_and_10_light_leaks
 plant "9 normals bent to the mirror horizon of the view" src/scene/normals.rs \
     's/\(c \+ least\) \* ng/(c - least) * ng/' \
@@ -212,7 +212,7 @@ plant "one level: tiles have too little around them" src/resolve/tiles.rs \
 plant "one level: chance counts as it stands" src/resolve/layer.rs \
     's/\(share \* \*bias\)\.min\(\*most\)/share * *bias/' lib::resolve::tests::an_even_floor_has_no_pepper
 plant "resolve: lone choices stay" src/resolve/layer.rs \
-    's/&& share < least \{/\&\& share < 0.0 {/' lib::resolve::tests::lone_choices_give_way_and_features_stay
+    's/&& share < least\n/\&\& share < 0.0\n/' lib::resolve::tests::lone_choices_give_way_and_features_stay
 plant "resolve: a lone choice takes the blur of another level" src/resolve/tiles.rs \
     's/all\.len\(\) \+ count - first\)/all.len() + 1)/' export::resolve::c_chooses_as_the_library_does
 plant "one level: discs of fireflies" src/resolve/tiles.rs \
@@ -352,7 +352,7 @@ plant "merges: emission counts those beside the light" src/integrator/bidirectio
     's/hit\(&walk\.arrived/hit(&vertex.partial/' \
     lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_under_water
 plant "merges: all photons merge" src/integrator/bidirectional/photons.rs \
-    's/filter\(\|\(_, photon\)\| photon\.merges\(\)\)/filter(|(_, photon)| true || photon.merges())/' \
+    's/if vertex\.merges \{/if true {/' \
     bidirectional::photons::photons_do_not_darken_thin_parts
 plant "resolve: halves of one sample take light across edges" src/resolve/mod.rs \
     's/first\[i\] \* rough\[i\]/1.0 + 0.0 * first[i] * rough[i]/' \
