@@ -123,14 +123,19 @@ impl Guide {
     }
 
     /// Weight, at most 1, of another pixel on the surface of a pixel, however far apart they are.
+    #[inline]
     pub(super) fn alike(&self, pixel: usize, other: usize) -> f32 {
-        let width = self.size.0;
-        let apart = [pixel % width, pixel / width, other % width, other / width];
-        let [x, y] = [apart[0].abs_diff(apart[2]), apart[1].abs_diff(apart[3])];
-        let mut weight = [0.0];
-        let d2 = (x * x + y * y) as f32;
-        self.weights(f32::INFINITY, d2, pixel, other, &mut weight);
-        weight[0]
+        let place = |i: usize| [i % self.size.0, i / self.size.0];
+        let ([x, y], [u, v]) = (place(pixel), place(other));
+        let distance = (x.abs_diff(u).pow(2) + y.abs_diff(v).pow(2)) as f32;
+        let square = |plane: &Vec<f32>| (plane[other] - plane[pixel]).powi(2);
+        let (normals, reflectance) = self.planes.split_at(3);
+        let normals: f32 = normals.iter().map(square).sum();
+        let reflectance: f32 = reflectance.iter().map(square).sum();
+        let step = (self.length[other] - self.length[pixel])
+            / (self.here[pixel] + self.slope[pixel] * distance.sqrt());
+        let normals = (normals - self.spread[pixel]).max(0.0);
+        negative_exponential(normals + reflectance + 0.5 * step * step)
     }
 
     /// Layers blurred by a Gaussian of this standard deviation in pixels, at the inner pixels.

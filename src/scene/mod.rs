@@ -543,13 +543,12 @@ impl Surface {
         self.rise > 0.0 && w.dot(self.ng) <= 0.0
     }
 
-    /// The same surface for a ray that arrives along `dir`.
+    /// Leaves the surface without a height for a ray that arrives from behind along `dir`.
     #[inline]
-    pub(crate) fn seen_along(mut self, dir: Vec3) -> Self {
-        if dir.dot(self.ng) > 0.0 {
+    pub(crate) fn seen_along(&mut self, dir: Vec3) {
+        if self.rise > 0.0 && dir.dot(self.ng) > 0.0 {
             self.rise = 0.0;
         }
-        self
     }
 
     /// A ray that leaves this surface towards `dir`, starting clear of it.

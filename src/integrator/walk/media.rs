@@ -92,7 +92,8 @@ impl Walk<'_> {
             self.throughput *= transmittance;
             carried.scale(transmittance);
             let hit = hit?;
-            let mut surface = scene.surface(&hit).seen_along(rest.dir);
+            let mut surface = scene.surface(&hit);
+            surface.seen_along(rest.dir);
             before += hit.t;
             let unseen = self.from_camera && scene.hides_back(&hit, rest.dir);
             if !unseen && !self.around.passes(scene, &mut surface, rest.dir) {

@@ -205,10 +205,9 @@ impl<'a> Walk<'a> {
             carried.scale(transmittance);
         }
         let hit = segment.hit?;
-        Some(Arrival {
-            surface: self.scene.surface(&hit).seen_along(self.ray.dir),
-            hit,
-        })
+        let mut surface = self.scene.surface(&hit);
+        surface.seen_along(self.ray.dir);
+        Some(Arrival { surface, hit })
     }
 
     /// Emission at the end of the current edge; `None` for none.
