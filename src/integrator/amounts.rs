@@ -58,7 +58,7 @@ impl Amounts {
         Scales::try_from(scales.to_vec()).map(Self::Roughening)
     }
 
-    /// Radii of photon density by these factors; [`LevelError::Radii`] for others than [`RadiusFactors`] takes.
+    /// Radii of photon density by these factors; [`LevelError::Radii`] for others than 2 to [`MAX_LEVELS`] numbers, ascending from 1.
     pub fn radii(factors: &[f32]) -> Result<Self, LevelError> {
         RadiusFactors::try_from(factors.to_vec()).map(Self::Radii)
     }

@@ -27,7 +27,7 @@ pub enum Estimator {
         /// slightly more bias. Rules that always do ignore it.
         reuse: bool,
     },
-    /// The same with directions drawn from the BSDF or from a [guide](super::guided) that is learned while rendering.
+    /// The same with directions drawn from the BSDF or from a guide that is learned while rendering.
     Guided {
         /// The rule shapes the guide alone: the picture is that of plain path tracing.
         unbiased: bool,

@@ -2,7 +2,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | [`spec`] | every option, declared once |
+//! | `spec` | every option, declared once |
 //! | [`value`] | types of options |
 //! | `fault` | refusals and failures, with options by the user's names for them |
 //! | [`look`] | a camera of one's own, as numbers and as a file |
@@ -10,7 +10,7 @@
 //! | [`open`](mod@open) | the scene of a spec |
 //! | `request` | a spec checked against a scene: frame, camera, settings, pilot; [`run`] |
 //! | `output` | metadata, checkpoints and parts of a request |
-//! | [`finished`] | the end of a render: choice, denoiser, errors, layers |
+//! | `finished` | the end of a render: choice, denoiser, errors, layers |
 //! | [`files`] | the files of a picture |
 //!
 //! The command line, the Python package, benches and [`Render`](crate::Render) are made of this room: none of them has a list of

@@ -71,7 +71,7 @@ pub struct Surface {
     /// Distance from `position` along ±`ng` at which a ray is clear of this surface's rounding error.
     pub error: f32,
     /// Height along `ng` of the curved opaque surface for which a flat triangle stands; 0 for others, and for rays that came from
-    /// behind. See [`Surface::leaves`].
+    /// behind.
     pub rise: f32,
 }
 
