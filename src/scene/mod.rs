@@ -70,8 +70,8 @@ pub struct Surface {
     pub least_reflected: f32,
     /// Distance from `position` along ±`ng` at which a ray is clear of this surface's rounding error.
     pub error: f32,
-    /// Height along `ng` of the curved opaque surface for which a flat triangle stands; 0 for others, and for rays that came from
-    /// behind.
+    /// Height along `ng` of the curved opaque surface for which a flat triangle stands, at the front side that a camera walk has met; 0
+    /// for all others. See [`Scene::surface_along`].
     pub rise: f32,
 }
 
@@ -376,7 +376,20 @@ impl Scene {
     /// Interpolates the surface at a hit.
     #[inline]
     pub fn surface(&self, hit: &Hit) -> Surface {
-        self.geometry.surface(&self.parts, hit)
+        Surface {
+            rise: 0.0,
+            ..self.geometry.surface(&self.parts, hit)
+        }
+    }
+
+    /// The same for a ray of a camera walk that arrives along `dir`: with its [rise](Surface::rise) if it is seen from its front.
+    #[inline]
+    pub fn surface_along(&self, hit: &Hit, dir: Vec3) -> Surface {
+        let mut surface = self.geometry.surface(&self.parts, hit);
+        if surface.rise > 0.0 && dir.dot(surface.ng) > 0.0 {
+            surface.rise = 0.0;
+        }
+        surface
     }
 
     /// The material at a surface point.
@@ -541,14 +554,6 @@ impl Surface {
     #[inline]
     pub(crate) fn is_below(&self, w: Vec3) -> bool {
         self.rise > 0.0 && w.dot(self.ng) <= 0.0
-    }
-
-    /// Leaves the surface without a height for a ray that arrives from behind along `dir`.
-    #[inline]
-    pub(crate) fn seen_along(&mut self, dir: Vec3) {
-        if self.rise > 0.0 && dir.dot(self.ng) > 0.0 {
-            self.rise = 0.0;
-        }
     }
 
     /// A ray that leaves this surface towards `dir`, starting clear of it.

@@ -63,11 +63,12 @@ pub(super) fn lifted(ns: Vec3, ng: Vec3) -> Vec3 {
     }
 }
 
-/// True if the normals of a triangle's corners are those of a curved surface: not all its own, and none so far from it that they
-/// round an edge.
-pub(super) fn is_curved(normals: &[Vec3; 3], ng: Vec3) -> bool {
-    let [a, b, c] = normals.map(|n| n.dot(ng).abs());
-    a.min(b).min(c) > 0.7 && a.min(b).min(c) < 0.9999
+/// True if the normals of a triangle's corners are those of a curved surface: they differ, and none is so far from the triangle's own
+/// that they round an edge.
+pub(super) fn is_curved([a, b, c]: &[Vec3; 3], ng: Vec3) -> bool {
+    let least = [a, b, c].map(|n| n.dot(ng).abs());
+    let alike = a.dot(*b).min(b.dot(*c)).min(c.dot(*a));
+    least.into_iter().fold(1.0, f32::min) > 0.7 && alike < 0.9999
 }
 
 /// Height over a point of a triangle of the smooth surface for which it stands: the mean distance below the planes through its corners

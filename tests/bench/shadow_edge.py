@@ -3,7 +3,7 @@
 
     pip install numpy OpenEXR
     cargo build --release
-    python3 tests/bench/shadow_edge.py target/release/opsr
+    python3 tests/bench/shadow_edge.py target/release/opsr [SAMPLES]    # 64
 
 Not part of the automatic tests: it takes some minutes.
 """
@@ -18,6 +18,7 @@ import numpy as np
 import OpenEXR
 
 PROGRAM = sys.argv[1]
+SAMPLES = int(sys.argv[2]) if len(sys.argv) > 2 else 64
 ROWS, COLUMNS = 5, 10
 SKY = '<emitter type="constant"><rgb name="radiance" value="1,1,1"/></emitter>'
 SUN = '<emitter type="directional"><vector name="direction" value="{}"/><rgb name="irradiance" value="3,3,3"/></emitter>'
@@ -83,9 +84,9 @@ with tempfile.TemporaryDirectory() as name:
     folder = pathlib.Path(name)
     write_ball(folder / "ball.obj")
     for scene in SCENES:
-        fine = render(folder, scene, False, "path", 1024)
+        fine = render(folder, scene, False, "path", SAMPLES)
         lit = fine > 0.02 * fine.max()
         for integrator in ("path", "bdpt", "vcm", "sppm"):
-            coarse = render(folder, scene, True, integrator, 1024)
+            coarse = render(folder, scene, True, integrator, SAMPLES)
             dark = (coarse[lit] < fine[lit] / 3).sum()
             print(f"{scene}, {integrator}: {coarse.mean() / fine.mean():.4f}, {dark} of {lit.sum()} below a third", flush=True)

@@ -752,6 +752,16 @@ fn foreign_camera_in_a_medium_that_fills_bodies_too() {
             );
         }
     }
+    // A body of glass around the camera says nothing of media. A shape without an exterior contradicts a camera in fog.
+    let glass = "<shape type=\"sphere\"><point name=\"center\" z=\"2.5\"/><float name=\"radius\" value=\"0.2\"/>\
+        <bsdf type=\"dielectric\"/></shape></scene>";
+    let text = mitsuba(2.5).replace("</scene>", glass);
+    let medium = read("a.xml", &text, false).unwrap().parts.medium;
+    assert!(medium.is_some());
+    let text = mitsuba(2.5).replace("<ref id=\"fog\" name=\"exterior\"/>", "");
+    let error = read("a.xml", &text, false).unwrap_err().to_string();
+    let expected = "another medium outside of all bodies than elsewhere";
+    assert!(error.contains(expected), "{error}");
 }
 
 /// Names of no medium are none; a disk has no triangles without area.

@@ -279,9 +279,18 @@ fn only_facets_of_curved_opaque_surfaces_rise() {
         ball.indices.iter_mut().for_each(|face| face.swap(1, 2));
         ball
     };
+    // Facets whose corners have one normal, not their own.
+    let leaning = || {
+        let mut mesh = faceted();
+        for normals in mesh.normals.chunks_exact_mut(3) {
+            normals.fill((normals[0] + 0.3 * normals[0].any_orthonormal_vector()).normalize());
+        }
+        mesh
+    };
     let matt = || materials::diffuse("matt", Rgb::ONE);
     let cases = [
         ("ball", matt(), ball(1), true),
+        ("leaning", matt(), leaning(), false),
         (
             "metal",
             materials::metal("metal", Rgb::ONE, 0.2),
@@ -299,10 +308,15 @@ fn only_facets_of_curved_opaque_surfaces_rise() {
         parts.add(material, [mesh]);
         let scene = Scene::new(parts);
         let mut rng = rng(91);
+        let mut passed = 0;
         for _ in 0..2000 {
             let dir = direction(&mut rng);
             let ray = Ray::new(-3.0 * dir + point(&mut rng, 0.3), dir);
-            let surface = scene.surface(&scene.intersect(&ray).expect("a hit"));
+            let hit = scene.intersect(&ray).expect("a hit");
+            let surface = scene.surface_along(&hit, ray.dir);
+            // Light walks, and what comes from behind, meet the facet alone.
+            let others = [scene.surface(&hit), scene.surface_along(&hit, -ray.dir)];
+            assert!(others.iter().all(|s| s.rise == 0.0), "{name}");
             let p = surface.position;
             assert!(rises || surface.rise == 0.0, "{name}: {}", surface.rise);
             // A ray that its facet alone would block passes over the whole ball.
@@ -311,8 +325,10 @@ fn only_facets_of_curved_opaque_surfaces_rise() {
                 let height = (p + surface.rise * surface.ng).length();
                 assert!(height > 0.98 && height < 1.06, "{name}: {height}");
                 assert!(!scene.occluded(&surface.spawn_leaving(out)), "{name}: {p}");
+                passed += 1;
             }
         }
+        assert_eq!(rises, passed > 200, "{name}: {passed}");
     }
 }
 

@@ -89,9 +89,11 @@ impl Context {
     pub(super) fn fill_scene(&mut self, parts: &mut SceneParts) -> Result<()> {
         let media = std::mem::take(&mut self.media);
         let fills = |named: &Named| media.inside.contains(named);
-        let last = media.cameras.last();
+        // The program shows the first camera; of several declarations in a pbrt file the last one counts.
+        let shown = media.cameras.len().checked_sub(parts.cameras.len());
+        let shown = shown.and_then(|shown| media.cameras.get(shown));
         // A medium that fills some body too may be the outer one as well, which the bodies around the camera tell.
-        let around = last
+        let around = shown
             .filter(|(named, _)| named.is_some() && fills(named))
             .and_then(|camera| media.beyond(camera, parts));
         let named = media.cameras.iter().chain(&media.outside);
@@ -109,18 +111,18 @@ impl Context {
 }
 
 impl Media {
-    /// The medium outside of the outermost body around the last camera, or that of the camera itself where it is in none.
+    /// The medium outside of the outermost body with a medium around the first camera, or that of the camera itself where it is in none.
     fn beyond<'a>(
         &'a self,
         of_camera: &'a (Named, String),
         parts: &SceneParts,
     ) -> Option<&'a (Named, String)> {
-        let ray = parts.cameras.last()?.ray(Vec2::splat(0.5), 1.0);
+        let ray = parts.cameras.first()?.ray(Vec2::splat(0.5), 1.0);
         let around = Scene::new(parts.clone()).bodies_around(&ray);
-        let Some(&outermost) = around.last() else {
+        let medium = |body: &u32| parts.materials[*body as usize].medium.as_deref();
+        let Some(filling) = around.iter().rev().find_map(medium) else {
             return Some(of_camera);
         };
-        let filling = parts.materials[outermost as usize].medium.as_deref()?;
         let fills = |named: &Named| named.is_some_and(|i| self.all[i] == *filling);
         let boundary = self.inside.iter().position(fills)?;
         self.outside.get(boundary)

@@ -92,8 +92,7 @@ impl Walk<'_> {
             self.throughput *= transmittance;
             carried.scale(transmittance);
             let hit = hit?;
-            let mut surface = scene.surface(&hit);
-            surface.seen_along(rest.dir);
+            let mut surface = self.surface(&hit, rest.dir);
             before += hit.t;
             let unseen = self.from_camera && scene.hides_back(&hit, rest.dir);
             if !unseen && !self.around.passes(scene, &mut surface, rest.dir) {

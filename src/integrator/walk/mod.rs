@@ -205,9 +205,17 @@ impl<'a> Walk<'a> {
             carried.scale(transmittance);
         }
         let hit = segment.hit?;
-        let mut surface = self.scene.surface(&hit);
-        surface.seen_along(self.ray.dir);
+        let surface = self.surface(&hit, self.ray.dir);
         Some(Arrival { surface, hit })
+    }
+
+    /// The surface at a hit of a ray along `dir`. No light walk leaves below a facet's plane.
+    #[inline(always)]
+    fn surface(&self, hit: &Hit, dir: Vec3) -> Surface {
+        match self.origin {
+            Origin::Camera => self.scene.surface_along(hit, dir),
+            Origin::Light => self.scene.surface(hit),
+        }
     }
 
     /// Emission at the end of the current edge; `None` for none.

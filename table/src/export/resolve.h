@@ -11,7 +11,7 @@
  *   vertex, its distance, its reflectance. Eleven numbers, averaged over all samples.
  *
  * Formulas: docs/method.md, "Levels". Everything is linear radiance; a factor on all light changes nothing but the error.
- * Memory: about 1 kB a pixel while it runs; a large picture may be cut into tiles with 44 pixels around them.
+ * Memory: about 1 kB a pixel while it runs; a large picture may be cut into tiles with 48 pixels around them.
  */
 #ifndef OPSR_RESOLVE_H
 #define OPSR_RESOLVE_H

@@ -42,10 +42,14 @@ pub(super) fn with_sphere(material: Material) -> SceneParts {
     parts
 }
 
-/// Balls of 80 triangles, matt and glossy, whose triangles see light from below their planes.
+/// Balls of 80 triangles, matt and glossy, whose triangles see light from below their planes, and a bowl that is lit from inside.
 fn coarse_balls() -> SceneParts {
     let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
     let at = |x| sphere(Vec3::new(x, 0.45, 0.0), 0.4, 1);
+    let mut bowl = sphere(Vec3::new(0.0, 0.4, 0.6), 0.35, 1);
+    let low = |face: &[u32; 3]| face.iter().all(|&i| bowl.positions[i as usize].y < 0.41);
+    bowl.indices = bowl.indices.iter().copied().filter(low).collect();
+    parts.add(diffuse("bowl", HALF), [bowl]);
     parts.add(diffuse("ball", HALF), [at(-0.5)]);
     parts.add(coated("gloss", Rgb::new(0.2, 0.5, 0.7), 0.2), [at(0.5)]);
     parts

@@ -119,7 +119,7 @@ impl Simple {
             let Some(hit) = met else {
                 return total + throughput * times * scene.lights().environment(ray.dir);
             };
-            let mut surface = scene.surface(&hit);
+            let mut surface = scene.surface_along(&hit, ray.dir);
             total += throughput * times * scene.lights().emitted(&surface, -ray.dir);
             if n > self.max_vertices {
                 break;
@@ -142,7 +142,8 @@ impl Simple {
                 break;
             };
             let wi = frame.to_world(sample.wi);
-            if wi.dot(surface.ng) * sample.wi.z <= 0.0 {
+            let seen = surface.rise > 0.0 && sample.wi.z > 0.0;
+            if wi.dot(surface.ng) * sample.wi.z <= 0.0 && !seen {
                 break;
             }
             let mut weight = sample.weight;
@@ -161,7 +162,7 @@ impl Simple {
                 _ => {}
             }
             throughput *= weight;
-            ray = surface.spawn(wi);
+            ray = surface.spawn_leaving(wi);
         }
         total
     }
