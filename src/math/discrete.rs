@@ -13,12 +13,6 @@ pub(crate) struct AliasTable {
 impl AliasTable {
     /// Table of outcomes 0..n with probabilities proportional to `weights`, which are finite and at least 0. Empty if
     /// no weight is positive.
-    ///
-    /// ```
-    /// let table = opsr::math::discrete::AliasTable::new(&[1.0, 0.0, 3.0]);
-    /// assert_eq!(table.pmf(2), 0.75);
-    /// assert_eq!(table.sample(0.999).map(|(i, _)| i), Some(2));
-    /// ```
     pub(crate) fn new(weights: &[f64]) -> Self {
         let sum: f64 = weights.iter().sum();
         if sum.is_nan() || sum <= 0.0 || sum.is_infinite() {
