@@ -128,14 +128,12 @@ impl Guide {
         let place = |i: usize| [i % self.size.0, i / self.size.0];
         let ([x, y], [u, v]) = (place(pixel), place(other));
         let distance = (x.abs_diff(u).pow(2) + y.abs_diff(v).pow(2)) as f32;
-        let square = |plane: &Vec<f32>| (plane[other] - plane[pixel]).powi(2);
+        let apart = |plane: &Vec<f32>| plane[other] - plane[pixel];
         let (normals, reflectance) = self.planes.split_at(3);
-        let normals: f32 = normals.iter().map(square).sum();
-        let reflectance: f32 = reflectance.iter().map(square).sum();
-        let step = (self.length[other] - self.length[pixel])
-            / (self.here[pixel] + self.slope[pixel] * distance.sqrt());
-        let normals = (normals - self.spread[pixel]).max(0.0);
-        negative_exponential(normals + reflectance + 0.5 * step * step)
+        let normals = of_normals(|k| apart(&normals[k]), self.spread[pixel]);
+        let reflectance: f32 = reflectance.iter().map(|plane| apart(plane).powi(2)).sum();
+        let reach = self.here[pixel] + self.slope[pixel] * distance.sqrt();
+        negative_exponential(normals + reflectance + of_lengths(apart(&self.length), reach))
     }
 
     /// Layers blurred by a Gaussian of this standard deviation in pixels, at the inner pixels.
@@ -277,20 +275,35 @@ impl Pairs<'_> {
     /// Exponent of the normals. A pixel that shows several surfaces takes light of each.
     #[inline(always)]
     fn normals(&self, i: usize) -> f32 {
-        let square = |k: usize| {
-            let apart = self.normals[k][i] - self.own.normals[k][i];
-            apart * apart
-        };
-        (square(0) + square(1) + square(2) - self.own.spread[i]).max(0.0)
+        of_normals(
+            |k| self.normals[k][i] - self.own.normals[k][i],
+            self.own.spread[i],
+        )
     }
 
     /// Exponent of the lengths, of pixels so far from one another.
     #[inline(always)]
     fn lengths(&self, i: usize, distance: f32) -> f32 {
         let apart = self.length[i] - self.own.length[i];
-        let step = apart / (self.own.here[i] + self.own.slope[i] * distance);
-        0.5 * step * step
+        of_lengths(apart, self.own.here[i] + self.own.slope[i] * distance)
     }
+}
+
+/// Exponent of two normals by their differences along each axis, less the spread within a pixel.
+#[inline(always)]
+fn of_normals(apart: impl Fn(usize) -> f32, spread: f32) -> f32 {
+    let square = |k: usize| {
+        let apart = apart(k);
+        apart * apart
+    };
+    (square(0) + square(1) + square(2) - spread).max(0.0)
+}
+
+/// Exponent of two lengths by their difference and what a surface allows.
+#[inline(always)]
+fn of_lengths(apart: f32, allowed: f32) -> f32 {
+    let step = apart / allowed;
+    0.5 * step * step
 }
 
 /// Cells on each side that a pixel takes values from.

@@ -1367,3 +1367,30 @@ fn lone_choices_give_way_and_features_stay() {
     assert_eq!(kept(&one_level, 4, 0, &square(1)), 1);
     assert_eq!(kept(&blurs(1, 2), 1, 0, &square(1)), 1);
 }
+
+/// The weight of a neighbour in a blur is that of its surface times that of its distance, along both surfaces.
+#[test]
+fn alike_is_the_weight_of_a_blur_without_its_distance() {
+    const SIZE: Size = (9, 7);
+    let mut random = stream(77);
+    let features: Vec<Features> = (0..SIZE.0 * SIZE.1)
+        .map(|_| std::array::from_fn(|_| 0.3 + 0.1 * random.next_1d()))
+        .collect();
+    let mut least = 1.0f32;
+    for of in [Surface::First, Surface::Rough] {
+        let guide = Guide::new(SIZE, of, &features);
+        for pixel in (1..8).flat_map(|x| (1..6).map(move |y| y * SIZE.0 + x)) {
+            let others = [pixel - 1, pixel + 1, pixel - SIZE.0, pixel + SIZE.0];
+            for (weight, other) in guide.beside(pixel).into_iter().zip(others) {
+                let alike = guide.alike(pixel, other);
+                let expected = alike * (-0.5f32).exp();
+                assert!(
+                    (weight - expected).abs() < 1e-3 * expected,
+                    "{weight} {expected}"
+                );
+                least = least.min(alike);
+            }
+        }
+    }
+    assert!(least < 0.5, "{least}");
+}

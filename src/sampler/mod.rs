@@ -326,7 +326,7 @@ impl LightSource {
             rest: self.independent.stream(UVec2::new(path, 0), sample),
             sequence,
             drawn: 0,
-            many_lens_points: true,
+            independent_lens: true,
         }
     }
 }
@@ -351,7 +351,7 @@ pub struct PathStream {
     /// Vertices drawn from the sequence.
     drawn: u32,
     /// True if points on the lens are independent: every vertex of a light path draws one.
-    many_lens_points: bool,
+    independent_lens: bool,
 }
 
 impl Sampler for PathStream {
@@ -376,7 +376,7 @@ impl Sampler for PathStream {
 
     fn lens(&mut self) -> Vec2 {
         match &self.sequence {
-            Some(sequence) if !self.many_lens_points => sequence.lens(),
+            Some(sequence) if !self.independent_lens => sequence.lens(),
             _ => self.rest.lens(),
         }
     }
@@ -406,7 +406,7 @@ impl SampleSource for CameraSource {
             rest: self.independent.stream(pixel, sample),
             sequence,
             drawn: 0,
-            many_lens_points: false,
+            independent_lens: false,
         }
     }
 }

@@ -66,7 +66,7 @@ const LEAST_SHARE: f64 = 0.005;
 const EASY: f64 = 0.05;
 
 impl Bidirectional {
-    /// Where light is aimed in a view: the same for every window of its frame, as
+    /// Aim of the light paths of a view, the same for every window of its frame, as
     /// [`Integrator::pass`](crate::integrator::Integrator::pass) finds it.
     pub fn aim(&self, view: &View<'_>) -> Arc<Aim> {
         let View { sensor, scene, .. } = view;

@@ -36,6 +36,6 @@ pub struct Bidirectional {
     /// Random numbers of light paths, and of camera paths where the picture is kept in batches. Elsewhere those are independent, so
     /// that samples are, and the variances of a film are unbiased.
     pub sampler: SamplerKind,
-    /// Where light was aimed in the last view.
+    /// Aim of the last view.
     pub aimed: Aimed,
 }

@@ -24,7 +24,7 @@ pub(super) struct Iteration<'a> {
     pub(super) settings: &'a Bidirectional,
     pub(super) strategies: Strategies,
     pub(super) view: &'a View<'a>,
-    /// Where light is aimed.
+    /// Aim of light paths.
     pub(super) aim: &'a Aim,
     /// Number of the iteration.
     pub(super) sample: u32,
