@@ -132,7 +132,7 @@ plant "a Dirac lobe beside a guide without its probability" src/integrator/guide
 plant "blurred noise is weighed by the bright side of an edge" src/resolve/layer.rs \
     's/own\.max\(DARK \* \*dark\)/*own/' lib::resolve::tests::blur_leaves_dark_pixels_beside_noise_dark
 plant "a pixel on an edge is like neither surface" src/resolve/guide.rs \
-    's/\(square\(0\) \+ square\(1\) \+ square\(2\) - self\.own\.spread\[i\]\)\.max\(0\.0\)/square(0) + square(1) + square(2)/' \
+    's/\(square\(0\) \+ square\(1\) \+ square\(2\) - spread\)\.max\(0\.0\)/square(0) + square(1) + square(2)/' \
     lib::resolve::tests::gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black
 plant "photons count at the radius that first reaches them alone" src/integrator/bidirectional/merge.rs \
     's/sum \+= sums\[level\]/sum = sums[level]/' bidirectional::radii::levels_are_pictures_at_their_radii
