@@ -168,9 +168,6 @@ impl Vertex {
     /// Density with which the other walk, coming from `out`, draws `back`.
     #[inline]
     pub(super) fn pdf_back(&self, out: Vec3) -> f32 {
-        if self.surface.is_below(out) {
-            return 0.0;
-        }
         let pdf = |(from, to)| self.bsdf.pdf(self.alpha, from, to);
         self.seen_from(out).map_or(0.0, pdf)
     }
