@@ -395,6 +395,11 @@ impl ThinDielectric {
         rest * self.tint
     }
 
+    /// Chance of a reflection where the wall is smooth.
+    pub(super) fn reflectance(&self, wo: Vec3) -> f32 {
+        luminance(self.parts(wo.z.abs().min(1.0))[0])
+    }
+
     /// Shares of light at this cosine that are reflected, and that are left to pass, in [0, 1]. With the reflectance r of a face both faces
     /// have r + (1 − r)² r + … = 2r/(1 + r); what a tint takes from that reflection is absorbed.
     #[inline]

@@ -227,6 +227,17 @@ impl Bsdf {
         })
     }
 
+    /// Chance with which [`Bsdf::sample`] draws the reflection at smooth glass, where it draws a refraction besides; else `None`.
+    #[inline]
+    pub(crate) fn chance_of_reflection(&self, alpha: f32, wo: Vec3) -> Option<f32> {
+        let chance = match self {
+            Self::Dielectric(glass) if !glass.is_matched() => glass.reflectance(wo),
+            Self::Thin(wall) => wall.reflectance(wo),
+            _ => return None,
+        };
+        (alpha < DELTA_ALPHA && chance > 0.0 && chance < 1.0).then_some(chance)
+    }
+
     #[inline(never)]
     fn sample_microfacet(&self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Option<BsdfSample> {
         let (wi, lobe) = self.direction(alpha, wo, u)?;

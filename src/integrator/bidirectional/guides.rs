@@ -14,6 +14,8 @@ pub(super) struct Guides {
     aovs: Option<Aovs>,
     window: Window,
     paths: Vec<Guide>,
+    /// The current way of the last path.
+    way: Guide,
     /// Guides of each joined fork: nothing is copied while all are there.
     joined: Vec<Vec<Guide>>,
 }
@@ -28,12 +30,21 @@ struct Guide {
     features: PathFeatures,
 }
 
+impl Guide {
+    /// Adds a share of one way of the path.
+    fn add(&mut self, way: &Self, share: f32) {
+        self.seen += share * way.seen;
+        self.features.add_share(&way.features, share);
+    }
+}
+
 impl Guides {
     pub(super) fn new(window: Window, aovs: Option<Aovs>) -> Self {
         Self {
             aovs,
             window,
             paths: Vec::new(),
+            way: Guide::default(),
             joined: Vec::new(),
         }
     }
@@ -70,14 +81,17 @@ impl PathObserver for Guides {
     fn vertex(&mut self, n: u32, distance: f32, point: &ShadingPoint<'_>) {
         let aovs = self.aovs.iter_mut();
         aovs.for_each(|o| o.vertex(n, distance, point));
-        if let Some(path) = self.paths.last_mut() {
-            path.features.add(point, distance);
-        }
+        self.way.features.add(point, distance);
     }
 
     fn seen(&mut self, value: Rgb) {
+        self.way.seen += value;
+    }
+
+    fn way(&mut self, share: f32) {
+        let way = std::mem::take(&mut self.way);
         if let Some(path) = self.paths.last_mut() {
-            path.seen += value;
+            path.add(&way, share);
         }
     }
 
@@ -120,8 +134,11 @@ mod tests {
             let mut fork = guides.fork();
             for index in rows.start * 40..rows.end * 40 {
                 fork.begin(window.pixel(index), 5);
-                fork.seen(0.5 * seen(index));
-                fork.seen(0.5 * seen(index));
+                // On one way all of it twice, on the other nothing.
+                fork.seen(seen(index));
+                fork.seen(seen(index));
+                fork.way(0.5);
+                fork.way(0.5);
                 fork.finish(Rgb::ONE);
             }
             guides.join(fork);

@@ -57,6 +57,7 @@ impl Iteration<'_> {
             if vertex.n + photon.n() - 1 > self.settings.max_vertices {
                 return;
             }
+            // No weight counts merges there: light paths meet this facet from above alone.
             if vertex.surface.is_below(photon.back) {
                 return;
             }
@@ -171,6 +172,7 @@ impl Iteration<'_> {
             }
         }
         total.features = features.values();
+        observer.way(1.0);
         observer.finish(total.levels[0]);
         total
     }

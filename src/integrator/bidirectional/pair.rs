@@ -5,6 +5,7 @@ use super::iteration::Iteration;
 use super::paths::LightPath;
 use crate::image::splat::Splat;
 use crate::integrator::View;
+use crate::integrator::walk::ways::Ways;
 use crate::math::UVec2;
 use crate::sampler::Sampler;
 use crate::scene::Aim;
@@ -51,7 +52,8 @@ impl<'a> Pairs<'a> {
             splat.value *= iteration.paths as f32;
         }
         let frame = iteration.view.sensor.frame;
-        let value = iteration.camera_path(pixel, camera, path, None, &mut ());
+        let drawn = (&mut Ways::drawn(), &mut ());
+        let value = iteration.camera_way(pixel, camera, path, None, drawn);
         splats.push(Splat {
             index: pixel.y * frame.x + pixel.x,
             value: value * (frame.x as f32 * frame.y as f32),

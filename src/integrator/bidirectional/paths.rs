@@ -11,6 +11,7 @@ use super::weights::Partial;
 use crate::image::splat::Splat;
 use crate::integrator::walk::observer::PathObserver;
 use crate::integrator::walk::shading_point::ShadingPoint;
+use crate::integrator::walk::ways::Ways;
 use crate::math::{Rgb, UVec2};
 use crate::sampler::Sampler;
 use crate::scene::sensor::RayDensity;
@@ -155,14 +156,37 @@ impl Iteration<'_> {
         }
     }
 
-    /// Walks a camera path: the sum of all contributions that end at its vertices.
+    /// Walks a camera path on all its ways: the sum of all contributions that end at its vertices.
     pub(super) fn camera_path<O: PathObserver>(
+        &self,
+        pixel: UVec2,
+        light: &LightPath,
+        map: Option<&PhotonMap>,
+        observer: &mut O,
+    ) -> Rgb {
+        let (mut ways, mut total) = (Ways::all(), Rgb::ZERO);
+        observer.begin(pixel, self.sample);
+        loop {
+            let stream = &mut self.camera_stream(pixel);
+            let value = self.camera_way(pixel, stream, light, map, (&mut ways, observer));
+            total += ways.share() * value;
+            observer.way(ways.share());
+            if !ways.turn() {
+                break;
+            }
+        }
+        observer.finish(total);
+        total
+    }
+
+    /// The same on one way.
+    pub(super) fn camera_way<O: PathObserver>(
         &self,
         pixel: UVec2,
         stream: &mut impl Sampler,
         light: &LightPath,
         map: Option<&PhotonMap>,
-        observer: &mut O,
+        (ways, observer): (&mut Ways, &mut O),
     ) -> Rgb {
         let strategies = self.strategies;
         let mut walk = self.camera_walk(pixel, stream);
@@ -172,7 +196,6 @@ impl Iteration<'_> {
         let mut total = Total::new(strategies);
         // True up to the first draw from a smooth lobe.
         let mut is_seen = true;
-        observer.begin(pixel, self.sample);
         for n in 1..=self.settings.max_vertices + 1 {
             let edge = |s| Strategy::Connection { s, t: n + 1 };
             let Some(arrival) = walk.arrive(stream) else {
@@ -183,7 +206,7 @@ impl Iteration<'_> {
                 }
                 break;
             };
-            let u = stream.vertex();
+            let mut u = stream.vertex();
             let vertex = walk.vertex(n, &arrival, u.material);
             let met = prefix.met * self.emitter(&walk, &vertex);
             total.add(edge(0), met);
@@ -208,7 +231,12 @@ impl Iteration<'_> {
             if strategies == Strategies::All {
                 total.show(self.hard_part(&prefix, &vertex, share, &u));
             }
-            let drawn = walk.scatter(&vertex, u.lobe);
+            let lobe = match is_seen {
+                true => ways.choose(&vertex.bsdf, vertex.alpha, vertex.local, u.lobe),
+                false => u.lobe,
+            };
+            let drawn = walk.scatter(&vertex, lobe);
+            let is_first = is_seen && drawn == Some(Onward::Smooth);
             if let Some(smooth) = drawn.and_then(Onward::smooth) {
                 is_seen &= !smooth;
                 prefix.scatter(&vertex, walk.dir(), smooth, share);
@@ -220,11 +248,17 @@ impl Iteration<'_> {
                 Some(drawn) if strategies.connects() || drawn != Onward::Smooth => {}
                 _ => break,
             }
+            if is_first
+                && walk
+                    .survive_with(ways.survival(), &mut u.roulette)
+                    .is_none()
+            {
+                break;
+            }
             if n >= self.settings.roulette_start && walk.survive(u.roulette).is_none() {
                 break;
             }
         }
-        observer.finish(total.shown);
         total.shown
     }
 

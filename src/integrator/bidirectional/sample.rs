@@ -146,8 +146,7 @@ impl Iteration<'_> {
             for index in (u64::from(path)..pixels).step_by(self.paths as usize) {
                 let pixel = UVec2::new((index % columns) as u32, (index / columns) as u32);
                 if let Some(mut splat) = Splat::new(&self.view.window, pixel, Rgb::ZERO) {
-                    let stream = &mut self.camera_stream(pixel);
-                    splat.value = self.camera_path(pixel, stream, &light, None, observer);
+                    splat.value = self.camera_path(pixel, &light, None, observer);
                     chunk.camera.push(splat);
                 }
             }
@@ -208,8 +207,7 @@ impl Iteration<'_> {
                     if !self.settings.light_sampling_only {
                         self.fetch(pixel, map, &mut light);
                     }
-                    let stream = &mut self.camera_stream(pixel);
-                    self.camera_path(pixel, stream, &light, Some(map), observer)
+                    self.camera_path(pixel, &light, Some(map), observer)
                 };
                 Splat { index, value }
             };

@@ -294,6 +294,16 @@ impl<'a> WeightedWalk<'a> {
         Some(())
     }
 
+    /// Russian roulette with a given chance in (0, 1]; `None` for a walk that ends. `u` is uniform in [0, 1), and uniform again where
+    /// the walk goes on.
+    #[inline]
+    pub(super) fn survive_with(&mut self, chance: f32, u: &mut f32) -> Option<()> {
+        (*u < chance).then_some(())?;
+        *u /= chance;
+        self.base.throughput /= chance;
+        Some(())
+    }
+
     /// Russian roulette; `None` for a walk that ends.
     #[inline]
     pub(super) fn survive(&mut self, u: f32) -> Option<()> {

@@ -31,6 +31,12 @@ impl PathFeatures {
         self.is_rough = vertex.alpha >= ROUGH;
     }
 
+    /// Adds a share of the guides of one way of the path.
+    pub(in crate::integrator) fn add_share(&mut self, way: &Self, share: f32) {
+        let ways = self.values.iter_mut().zip(&way.values);
+        ways.for_each(|(sum, value)| *sum += share * value);
+    }
+
     /// The guides.
     #[inline]
     pub(in crate::integrator) fn values(&self) -> Features {

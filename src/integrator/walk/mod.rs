@@ -14,6 +14,7 @@
 //! | `media` | free flight through media that scatter, and the point where it ends |
 //! | `dispersion` | the colour channel of a path that met a dispersive interface |
 //! | `roulette` | Russian roulette |
+//! | `ways` | both ways through the first smooth interfaces |
 //! | `cone` | a Dirac lobe spread over a cone |
 //! | [`observer`] | callbacks for layers, statistics and training |
 
@@ -28,6 +29,7 @@ pub(super) mod pending_emission;
 pub(crate) mod roughening;
 mod roulette;
 pub(crate) mod shading_point;
+pub(super) mod ways;
 
 use crate::bsdf::{Bsdf, Lobe};
 use crate::math::{Frame, Ray, Rgb, Vec3};

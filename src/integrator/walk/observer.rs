@@ -78,6 +78,9 @@ pub trait PathObserver {
     /// camera walks call it.
     #[inline]
     fn seen(&mut self, _value: Rgb) {}
+    /// One of several ways of the path is complete, which counts this share of the path: the same first vertex, and others.
+    #[inline]
+    fn way(&mut self, _share: f32) {}
     /// The path is complete; `radiance` is the sum of its contributions.
     #[inline]
     fn finish(&mut self, _radiance: Rgb) {}

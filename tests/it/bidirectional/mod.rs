@@ -14,6 +14,7 @@ mod scenes;
 mod slopes;
 mod split;
 mod strategies;
+mod ways;
 
 use opsr::scene::SceneParts;
 use opsr_lab::gallery::{caustic_box, cornell_box};

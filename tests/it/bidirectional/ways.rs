@@ -1,0 +1,88 @@
+//! Both ways of a camera walk through smooth glass.
+
+use crate::support::render::{film_with, mean, scene};
+use opsr::integrator::bidirectional::Radius;
+use opsr::integrator::{Estimator, Settings};
+use opsr::math::{Rgb, Vec3};
+use opsr::scene::procedural::materials::{coated, emitter, glass};
+use opsr::scene::procedural::shapes::{cuboid, quad};
+use opsr::scene::{Material, Mesh, SceneParts};
+use std::f32::consts::FRAC_1_SQRT_2 as COS;
+
+/// Radiance of the lamp that the glass shows by reflection, and of the one behind it.
+const LAMPS: [f32; 2] = [10.0, 1.0];
+
+/// Index of the glass.
+const IOR: f32 = 1.5;
+
+/// A camera that sees by way of glass at 45° one lamp by reflection and another behind it, nothing else.
+fn beam_splitter(material: Material, glass: Mesh) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let reflected = quad(Vec3::new(4.0, -3.0, -3.0), 6.0 * Vec3::Z, 6.0 * Vec3::Y);
+    let behind = quad(Vec3::new(-3.0, -3.0, -4.0), 6.0 * Vec3::X, 6.0 * Vec3::Y);
+    parts.add(emitter("reflected", Rgb::splat(LAMPS[0])), [reflected]);
+    parts.add(emitter("behind", Rgb::splat(LAMPS[1])), [behind]);
+    parts.add(material, [glass]);
+    parts.add_camera([0.0, 0.0, 5.0], [0.0, 0.0, 0.0], 1.0);
+    parts
+}
+
+/// Reflectance of a plate at 45°: two faces by Fresnel's equations, and all that goes to and fro between them.
+fn plate_reflectance() -> f32 {
+    let cos_t = (1.0 - (1.0 - COS * COS) / (IOR * IOR)).sqrt();
+    let s = (COS - IOR * cos_t) / (COS + IOR * cos_t);
+    let p = (IOR * COS - cos_t) / (IOR * COS + cos_t);
+    let face = 0.5 * (s * s + p * p);
+    2.0 * face / (1.0 + face)
+}
+
+/// Reflectance of a pane at 45°, by Schlick's approximation as glTF has it.
+fn pane_reflectance() -> f32 {
+    let f0 = ((IOR - 1.0) / (IOR + 1.0)).powi(2);
+    f0 + (1.0 - f0) * (1.0 - COS).powi(5)
+}
+
+/// The choice between a reflection and a refraction adds no noise to any sample.
+#[test]
+fn glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample() {
+    let turned = |p: Vec3| Vec3::new(COS * (p.x + p.z), p.y, COS * (p.z - p.x));
+    let corner = Vec3::new(-1.0, -1.0, 0.0);
+    let pane = quad(turned(corner), turned(2.0 * Vec3::X), 2.0 * Vec3::Y);
+    let mut plate = cuboid(Vec3::new(-1.0, -1.0, -0.05), Vec3::new(1.0, 1.0, 0.05));
+    plate.positions.iter_mut().for_each(|p| *p = turned(*p));
+    let thin = Material {
+        transmission: 1.0,
+        ior: IOR,
+        ..coated("pane", Rgb::ONE, 0.0)
+    };
+    // What is left is light that goes to and fro in the plate. A drawn way would deviate by more than the mean.
+    let cases = [
+        ("pane", thin, pane, pane_reflectance(), 0.001),
+        (
+            "plate",
+            glass("plate", IOR, 0.0),
+            plate,
+            plate_reflectance(),
+            0.1,
+        ),
+    ];
+    for (name, material, mesh, f, most) in cases {
+        let expected = f * LAMPS[0] + (1.0 - f) * LAMPS[1];
+        let scene = scene(beam_splitter(material, mesh));
+        for estimator in [Estimator::Bdpt, Estimator::Vcm(Radius::default())] {
+            let settings = Settings {
+                estimator,
+                max_vertices: 12,
+                ..Settings::default()
+            };
+            let film = film_with(&scene, &settings, 8, 16);
+            let (whole, error) = mean(&film);
+            let close = (whole - f64::from(expected)).abs() < 4.0 * error + 1e-3;
+            assert!(close, "{name}: {whole} ± {error} for {expected}");
+            for variance in &film.variance_of_mean().pixels {
+                let deviation = (16.0 * variance.x).sqrt();
+                assert!(deviation < most * expected, "{name}: {deviation}");
+            }
+        }
+    }
+}
