@@ -134,6 +134,10 @@ plant "blurred noise is weighed by the bright side of an edge" src/resolve/layer
 plant "a pixel on an edge is like neither surface" src/resolve/guide.rs \
     's/\(square\(0\) \+ square\(1\) \+ square\(2\) - spread\)\.max\(0\.0\)/square(0) + square(1) + square(2)/' \
     lib::resolve::tests::gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black
+plant "the second way through glass counts as the first" src/integrator/walk/ways.rs \
+    's/chance: 1\.0 - one\.chance/chance: one.chance/' lib::integrator::walk::ways::tests::ways_are_all_leaves_of_a_tree
+plant "a reflection at glass is drawn" src/integrator/bidirectional/paths.rs \
+    's/Ways::all\(\)/Ways::drawn()/' bidirectional::ways::glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample
 plant "photons count at the radius that first reaches them alone" src/integrator/bidirectional/merge.rs \
     's/sum \+= sums\[level\]/sum = sums[level]/' bidirectional::radii::levels_are_pictures_at_their_radii
 plant "light by way of casters counts twice" src/integrator/path/mod.rs \
