@@ -196,8 +196,8 @@ impl Held {
     }
 }
 
-/// The sums of every window at a pixel of frame `f`.
-fn windows(frames: &[&Held], f: usize, pixel: usize) -> [Sums; WINDOWS.len()] {
+/// The sums of every window at a pixel of frame `f`, where lamps count that are brighter than `dark`.
+fn windows(frames: &[&Held], f: usize, pixel: usize, dark: f32) -> [Sums; WINDOWS.len()] {
     let Held {
         frame, variance, ..
     } = frames[f];
@@ -219,7 +219,7 @@ fn windows(frames: &[&Held], f: usize, pixel: usize) -> [Sums; WINDOWS.len()] {
                 continue;
             };
             reprojection.step(&from.frame, steps, *forward);
-            if let Some(seen) = reprojection.light(&to.frame, &to.variance) {
+            if let Some(seen) = reprojection.light(&to.frame, &to.variance, dark) {
                 sums.add(&seen);
             }
         }
@@ -293,16 +293,16 @@ fn squared_bias(differences: Plane, noise: Plane, radius: usize) -> Plane {
 pub(crate) fn average(frames: &[&Held], f: usize, wants_motion: bool) -> Averaged {
     let frame = &frames[f].frame;
     let (width, count) = (frame.picture.width, frame.picture.pixels.len());
+    let dark = (DARK * mean(&frame.picture)).max(f32::MIN_POSITIVE);
     let sums: Vec<[Sums; WINDOWS.len()]> = (0..count)
         .into_par_iter()
-        .map(|pixel| windows(frames, f, pixel))
+        .map(|pixel| windows(frames, f, pixel, dark))
         .collect();
     let plane = |value: &(dyn Fn(usize) -> f32 + Sync)| Plane {
         width,
         values: (0..count).into_par_iter().map(value).collect(),
     };
     let widest = |i: usize| grey(sums[i][WINDOWS.len() - 1].mean());
-    let dark = DARK * mean(&frame.picture);
     let light = plane(&widest).box_filtered(2);
     let weight = |i: usize| 1.0 / (light.values[i].powi(2) + dark * dark).max(f32::MIN_POSITIVE);
     let noise: Vec<Plane> = (0..WINDOWS.len())

@@ -9,12 +9,14 @@
 //! | [`names`] | numbers of frames, and names of their files |
 //! | [`frame`] | a frame as it was rendered, and as it is averaged |
 //! | [`surfaces`] | the surfaces of a frame, and their places in the next and the last one |
+//! | `glints` | lamps that mirrors and smooth glass show |
 //! | `reproject` | the pixels of another frame that show a surface |
 //! | `average` | windows of a pixel and the choice among them |
 //! | [`sequence`] | frames in order, each averaged as soon as its neighbours are there |
 
 mod average;
 pub mod frame;
+mod glints;
 pub mod names;
 mod reproject;
 pub mod sequence;

@@ -17,6 +17,9 @@ const BENT: f32 = 0.1;
 /// Difference of reflectances at which a surface counts as another one.
 const PAINT: f32 = 0.05;
 
+/// Factor on squared logarithms of ratios of what surfaces show of lamps. Measured in docs/lab/films.md.
+const GLINT: f32 = 3.0;
+
 /// Least sum of weights that counts as seen.
 const SEEN: f32 = 0.05;
 
@@ -121,8 +124,9 @@ impl Reprojection {
         at.map_or(Vec2::ZERO, |at| (at - own) * Vec2::new(1.0, -1.0))
     }
 
-    /// Light of the surface in the frame reached; `None` where it is not seen.
-    pub(crate) fn light(&self, frame: &Frame, variance: &[f32]) -> Option<Reprojected> {
+    /// Light of the surface in the frame reached; `None` where it is not seen, or shows lamps otherwise. Those that are dimmer than
+    /// `dark`, at least the least positive number, do not count.
+    pub(crate) fn light(&self, frame: &Frame, variance: &[f32], dark: f32) -> Option<Reprojected> {
         let place = self.place?;
         let at = project(frame, place)?;
         let corner = at.floor();
@@ -142,6 +146,7 @@ impl Reprojection {
             let far = there.position.distance_squared(place) / (reach * reach);
             let (bend, paint) = self.point.difference(there);
             let unlike = 0.5 * far + BEND * bend + 0.5 * paint / (PAINT * PAINT);
+            let unlike = unlike + GLINT * self.point.contrast(there, dark);
             let w = across * down * (-unlike).exp();
             light += w * frame.picture.pixels[pixel];
             noise += w * variance[pixel];

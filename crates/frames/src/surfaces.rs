@@ -1,8 +1,9 @@
 //! The first surfaces of a frame: at the centre of every pixel, with their places in the next and the last frame.
 
+use crate::glints::glint;
 use opsr::image::film::Window;
 use opsr::integrator::{View, centre};
-use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::math::{Rgb, UVec2, Vec2, Vec3};
 use opsr::scene::{Hit, Scene};
 use rayon::prelude::*;
 
@@ -15,13 +16,19 @@ pub struct SurfacePoint {
     normal: [i8; 3],
     /// Reflectance, in 255ths.
     albedo: [u8; 3],
+    /// Light of the lamps that it shows: the upper half of a number.
+    glint: u16,
 }
+
+// Frames of a window hold a point for every pixel.
+const _: () = assert!(size_of::<SurfacePoint>() == 20);
 
 impl SurfacePoint {
     const NONE: Self = Self {
         position: Vec3::INFINITY,
         normal: [0; 3],
         albedo: [0; 3],
+        glint: 0,
     };
 
     /// A surface with a place, a unit normal and a reflectance in [0, 1].
@@ -30,6 +37,30 @@ impl SurfacePoint {
             position,
             normal: (normal * 127.0).to_array().map(|x| x.round() as i8),
             albedo: (albedo * 255.0).to_array().map(|x| x.round() as u8),
+            glint: 0,
+        }
+    }
+
+    /// The same that shows lamps of this light.
+    pub(crate) fn with_glint(self, light: f32) -> Self {
+        Self {
+            glint: (light.to_bits() >> 16) as u16,
+            ..self
+        }
+    }
+
+    /// Light of the lamps that it shows as a mirror or as smooth glass, mean of the channels.
+    pub(crate) fn glint(&self) -> f32 {
+        f32::from_bits(u32::from(self.glint) << 16)
+    }
+
+    /// Squared logarithm of the ratio of what two surfaces show of lamps; `dark` is added to both.
+    pub(crate) fn contrast(&self, other: &Self, dark: f32) -> f32 {
+        match self.glint == other.glint {
+            true => 0.0,
+            false => ((self.glint() + dark) / (other.glint() + dark))
+                .ln()
+                .powi(2),
         }
     }
 
@@ -76,17 +107,16 @@ fn pixels<T: Send>(window: Window, f: impl Fn(u32, u32) -> T + Sync) -> Vec<T> {
 }
 
 impl Surfaces {
-    /// Traces the centre of every pixel of a view; gives the hits too, for [`places`].
+    /// Traces the centre of every pixel of a view, and what it shows of lamps; gives the hits too, for [`places`].
     pub fn of(view: &View<'_>) -> (Self, Vec<Option<Hit>>) {
         let scene = view.scene;
         let met = pixels(view.window, |x, y| match centre(view, UVec2::new(x, y)) {
             Some((hit, mut surface)) => {
+                let shown = glint(view, Vec2::new(x as f32, y as f32), &surface);
                 let albedo = scene.bsdf(&mut surface, 0.5).reflectance();
                 let albedo = albedo.clamp(Rgb::ZERO, Rgb::ONE);
-                (
-                    SurfacePoint::new(surface.position, surface.ns, albedo),
-                    Some(hit),
-                )
+                let point = SurfacePoint::new(surface.position, surface.ns, albedo);
+                (point.with_glint(shown), Some(hit))
             }
             None => (SurfacePoint::NONE, None),
         });

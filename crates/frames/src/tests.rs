@@ -10,7 +10,7 @@ use opsr::image::film::Window;
 use opsr::integrator::View;
 use opsr::math::{Rgb, UVec2, Vec2, Vec3};
 use opsr::scene::procedural::{materials, shapes};
-use opsr::scene::{Camera, Scene, SceneParts};
+use opsr::scene::{Camera, Material, Mesh, Scene, SceneParts};
 
 const SIZE: UVec2 = UVec2::new(48, 32);
 
@@ -245,7 +245,9 @@ fn surfaces_are_found_between_pixels() {
     let pixel = 10 * SIZE.x as usize + 20;
     let variance = vec![0.2; own.error.len()];
     let reprojection = Reprojection::new(&own, pixel);
-    let seen = reprojection.light(&other, &variance).expect("it is seen");
+    let seen = reprojection
+        .light(&other, &variance, 0.1)
+        .expect("it is seen");
     let expected = own.picture.pixels[pixel].x;
     // A twentieth of a pixel.
     assert!(
@@ -265,11 +267,11 @@ fn surfaces_are_found_between_pixels() {
             .iter()
             .map(|point| hide(point, place(point)))
             .collect();
-        assert_eq!(reprojection.light(&other, &variance), None);
+        assert_eq!(reprojection.light(&other, &variance, 0.1), None);
     }
     // Beyond the edge of the picture.
     assert_eq!(
-        Reprojection::new(&own, 0).light(&frame(1, 5.0, 0.0, slope), &variance),
+        Reprojection::new(&own, 0).light(&frame(1, 5.0, 0.0, slope), &variance, 0.1),
         None
     );
 }
@@ -389,4 +391,130 @@ fn surfaces_move_with_their_triangles() {
     }
     let ratio = inner(&all[4].picture) / inner(&alone);
     assert!(ratio < 0.35, "{ratio}");
+}
+
+/// A scene of one object before the camera, and a lamp of mean light 16 in the plane of this height z that shines up or down.
+fn lamp_beside(material: Material, object: Mesh, z: f32, up: f32) -> Scene {
+    let mut parts = SceneParts::default();
+    parts.add(material, [object]);
+    let (low, high) = LAMP;
+    let side = if up > 0.0 { low.y } else { high.y };
+    let along = Vec2::new(high.x - low.x, up * (high.y - low.y));
+    let corner = Vec3::new(low.x, side, z);
+    let lamp = shapes::quad(corner, along.x * Vec3::X, along.y * Vec3::Y);
+    let light = Rgb::new(8.0, 16.0, 24.0);
+    parts.add(materials::emitter("lamp", light), [lamp]);
+    Scene::new(parts)
+}
+
+/// Two corners of the lamp, across its plane.
+const LAMP: (Vec2, Vec2) = (Vec2::new(-0.83, -0.41), Vec2::new(0.37, 0.52));
+
+/// Glints beside those by an independent computation: `end` is the place where a ray of the camera ends in the plane of the lamp.
+/// Gives the share of pixels that agree, of those that show the object, and how many show the lamp.
+fn glints_agree(scene: &Scene, end: impl Fn(Vec3, Vec3) -> Option<Vec2>) -> (f32, usize) {
+    let (mut agree, mut all, mut lit) = (0, 0, 0);
+    for shift in [-0.4, 0.3] {
+        let from = Vec3::new(shift, 0.1, 3.0);
+        let camera = Camera::look_at(from, from - Vec3::Z, Vec3::Y, 0.8);
+        let view = View::new(scene, &camera, SIZE, Window::full(SIZE));
+        let (surfaces, _) = Surfaces::of(&view);
+        for (i, point) in surfaces.points.iter().enumerate() {
+            let pixel = Vec2::new((i as u32 % SIZE.x) as f32, (i as u32 / SIZE.x) as f32);
+            let ends = |at: Vec2| end(from, view.sensor.ray(pixel + at).dir);
+            if ends(Vec2::splat(0.5)).is_none() {
+                continue;
+            }
+            let shows = |k: usize| {
+                let at = Vec2::new(k as f32 + 0.5, (3 * k % 8) as f32 + 0.5) / 8.0;
+                ends(at).is_some_and(|at| at.cmpgt(LAMP.0).all() && at.cmplt(LAMP.1).all())
+            };
+            let rays = (0..8).filter(|k| shows(*k)).count();
+            // A point has eight bits of the number.
+            let close = (point.glint() - 2.0 * rays as f32).abs() <= 16.0 / 128.0;
+            (agree, all) = (agree + usize::from(close), all + 1);
+            lit += usize::from(rays > 0);
+        }
+    }
+    (agree as f32 / all as f32, lit)
+}
+
+/// A mirror shows a lamp where a camera behind it, which is mirrored, sees it; a thin pane and a slab where straight rays and those that
+/// Snell's law shifts end, and a ball where its sphere reflects it.
+#[test]
+fn glints_are_where_mirrors_and_glass_show_lamps() {
+    let plane = || shapes::quad(Vec3::new(-9.0, -9.0, 0.0), 18.0 * Vec3::X, 18.0 * Vec3::Y);
+    let mirror = |alpha| materials::metal("mirror", Rgb::splat(0.9), alpha);
+    let beyond = |from: Vec3, dir: Vec3, depth: f32| {
+        let at = from + dir * (depth / -dir.z);
+        Some(at.truncate())
+    };
+    let scene = lamp_beside(mirror(0.0), plane(), 5.0, -1.0);
+    let (share, lit) = glints_agree(&scene, |from, dir| beyond(from, dir, 8.0));
+    assert!(share > 0.999 && lit > 50, "{share} {lit}");
+    let rough = lamp_beside(mirror(0.2), plane(), 5.0, -1.0);
+    let (share, _) = glints_agree(&rough, |_, _| Some(Vec2::INFINITY));
+    assert_eq!(share, 1.0);
+
+    let glass = materials::glass("glass", 1.5, 0.0);
+    let pane = Material {
+        solid: false,
+        ..glass.clone()
+    };
+    let scene = lamp_beside(pane, plane(), -2.0, 1.0);
+    let (share, lit) = glints_agree(&scene, |from, dir| beyond(from, dir, 5.0));
+    assert!(share > 0.999 && lit > 50, "{share} {lit}");
+    let (low, high) = (Vec3::new(-9.0, -9.0, -1.0), Vec3::new(9.0, 9.0, 0.0));
+    let scene = lamp_beside(glass, shapes::cuboid(low, high), -2.0, 1.0);
+    let shifted = |from: Vec3, dir: Vec3| {
+        let across = dir.truncate() / 1.5;
+        let inside = across / (1.0 - across.length_squared()).sqrt();
+        Some(beyond(from, dir, 4.0)? + inside)
+    };
+    let (share, lit) = glints_agree(&scene, shifted);
+    assert!(share > 0.999 && lit > 50, "{share} {lit}");
+
+    let ball = shapes::sphere(Vec3::ZERO, 1.0, 5);
+    let scene = lamp_beside(mirror(0.0), ball, 5.0, -1.0);
+    let reflected = |from: Vec3, dir: Vec3| {
+        let middle = -from.dot(dir);
+        let root = middle * middle - from.length_squared() + 1.0;
+        let normal = (root > 0.0).then(|| from + (middle - root.sqrt()) * dir)?;
+        let out = dir - 2.0 * dir.dot(normal) * normal;
+        let to = (normal + out * ((5.0 - normal.z) / out.z)).truncate();
+        Some(if out.z > 0.0 { to } else { Vec2::INFINITY })
+    };
+    let (share, lit) = glints_agree(&scene, reflected);
+    // Pixels at the edge of the lamp have a ray more or less: the ball is a mesh.
+    assert!(share > 0.97 && lit > 10, "{share} {lit}");
+}
+
+/// Glints that pass over a still mirror stay where they are in every frame, and the mirror beside them is averaged.
+#[test]
+fn glints_of_other_frames_stay_there() {
+    let lit = |k: u32, i: usize| (i % SIZE.x as usize).abs_diff(9 + 3 * k as usize) < 2;
+    let film = |noise: f32, known: bool| {
+        let of = move |k: u32| {
+            let mut frame = frame(k, 0.0, noise, |_| 0.2);
+            for i in (0..frame.error.len()).filter(|i| lit(k, *i)) {
+                frame.picture.pixels[i] *= 100.0;
+                let light = if known { 25.0 } else { 0.0 };
+                frame.surfaces.points[i] = frame.surfaces.points[i].with_glint(light);
+            }
+            frame
+        };
+        (0..9).map(of).collect::<Vec<Frame>>()
+    };
+    let (truth, alone) = (&film(0.0, true)[4].picture, &film(0.1, true)[4].picture);
+    let square = |known| {
+        let all = averaged(film(0.1, known));
+        assert!(all[4].motion[1].iter().all(|way| way.length() < 1e-3));
+        errors(&all[4].picture, truth).0
+    };
+    let [unknown, known] = [false, true].map(square);
+    let before = errors(alone, truth).0;
+    assert!(
+        known < 0.25 * before && unknown > 2.0 * known,
+        "{before} {unknown} {known}"
+    );
 }
