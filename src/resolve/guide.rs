@@ -122,12 +122,11 @@ impl Guide {
         ]
     }
 
-    /// Weight, at most 1, of another pixel on the surface of a pixel, however far apart they are.
+    /// Weight, at most 1, of the pixel so far to the right of one and below it on the surface of this, whatever the distance.
     #[inline]
-    pub(super) fn alike(&self, pixel: usize, other: usize) -> f32 {
-        let place = |i: usize| [i % self.size.0, i / self.size.0];
-        let ([x, y], [u, v]) = (place(pixel), place(other));
-        let distance = (x.abs_diff(u).pow(2) + y.abs_diff(v).pow(2)) as f32;
+    pub(super) fn alike(&self, pixel: usize, [dx, dy]: [isize; 2]) -> f32 {
+        let other = pixel.wrapping_add_signed(dy * self.size.0 as isize + dx);
+        let distance = (dx * dx + dy * dy) as f32;
         let apart = |plane: &Vec<f32>| plane[other] - plane[pixel];
         let (normals, reflectance) = self.planes.split_at(3);
         let normals = of_normals(|k| apart(&normals[k]), self.spread[pixel]);
@@ -136,14 +135,35 @@ impl Guide {
         negative_exponential(normals + reflectance + of_lengths(apart(&self.length), reach))
     }
 
-    /// Layers blurred by a Gaussian of this standard deviation in pixels, at the inner pixels.
-    pub(super) fn blur(&self, sigma: f32, inner: &Inner, layers: &[&Batches]) -> Vec<Batches> {
-        self.blur_in_steps::<1>(sigma, inner, layers)
+    /// The first `batches` of layers, blurred by a Gaussian of this standard deviation in pixels, at the inner pixels.
+    pub(super) fn blur(
+        &self,
+        sigma: f32,
+        inner: &Inner,
+        layers: &[&Batches],
+        batches: usize,
+    ) -> Vec<Batches> {
+        self.blur_in_steps::<1>(sigma, inner, layers, batches)
     }
 
     /// The same from every `STEP`th pixel in both directions, for layers that are blurred already: Dammertz et al., *Edge-Avoiding
     /// À-Trous Wavelet Transform for fast Global Illumination Filtering*, High Performance Graphics 2010.
     pub(super) fn blur_in_steps<const STEP: usize>(
+        &self,
+        sigma: f32,
+        inner: &Inner,
+        layers: &[&Batches],
+        batches: usize,
+    ) -> Vec<Batches> {
+        match batches {
+            2 => self.blur_of::<STEP, 2>(sigma, inner, layers),
+            3 => self.blur_of::<STEP, 3>(sigma, inner, layers),
+            _ => self.blur_of::<STEP, BATCHES>(sigma, inner, layers),
+        }
+    }
+
+    /// The same of `N` batches; the others are black.
+    fn blur_of<const STEP: usize, const N: usize>(
         &self,
         sigma: f32,
         inner: &Inner,
@@ -160,10 +180,10 @@ impl Guide {
         let mut weights = vec![0.0f32; (2 * radius as usize / STEP + 1) * w];
         let mut row_sums = vec![0.0f32; w];
         let mut all = vec![0.0f32; w];
-        let mut light = vec![[Vec3A::ZERO; BATCHES]; layers.len() * w];
+        let mut light = vec![[Vec3A::ZERO; N]; layers.len() * w];
         for y in inner.origin.1..inner.origin.1 + h {
             all.fill(0.0);
-            light.fill([Vec3A::ZERO; BATCHES]);
+            light.fill([Vec3A::ZERO; N]);
             for &(dy, half) in &rows {
                 let v = y as isize + dy;
                 if v < 0 || v >= height as isize {
@@ -199,7 +219,7 @@ impl Guide {
                         let neighbours = &layer[start..start + count];
                         let neighbours = neighbours.iter().step_by(STEP);
                         for (light, &weight) in neighbours.zip(weights.clone()) {
-                            for b in 0..BATCHES {
+                            for b in 0..N {
                                 row[b] += weight * light[b];
                             }
                         }
@@ -210,7 +230,9 @@ impl Guide {
             for (sums, all) in light.chunks_exact(layers.len().max(1)).zip(&all) {
                 let share = 1.0 / all;
                 for (out, sum) in out.iter_mut().zip(sums) {
-                    out.push(sum.map(|s| s * share));
+                    let mut mean = [Vec3A::ZERO; BATCHES];
+                    (mean.iter_mut().zip(sum)).for_each(|(mean, sum)| *mean = *sum * share);
+                    out.push(mean);
                 }
             }
         }

@@ -84,7 +84,22 @@ impl Choice {
         weights: &Weights,
         kappa: f32,
         batches: usize,
-        alike: impl Fn(usize, usize) -> f32,
+        alike: impl Fn(usize, [isize; 2]) -> f32,
+    ) -> Self {
+        match batches {
+            2 => Self::of_batches::<2>(size, candidates, weights, kappa, alike),
+            3 => Self::of_batches::<3>(size, candidates, weights, kappa, alike),
+            _ => Self::of_batches::<BATCHES>(size, candidates, weights, kappa, alike),
+        }
+    }
+
+    /// The same where the first `N` batches have samples.
+    fn of_batches<const N: usize>(
+        size: Size,
+        candidates: &[Candidate],
+        weights: &Weights,
+        kappa: f32,
+        alike: impl Fn(usize, [isize; 2]) -> f32,
     ) -> Self {
         let pixels = weights.own.len();
         let mut all = Self {
@@ -100,9 +115,9 @@ impl Choice {
         let mut anchors: Vec<Vec<f32>> = Vec::with_capacity(candidates.len());
         let mut biases: Vec<Vec<f32>> = Vec::with_capacity(candidates.len());
         for (k, candidate) in candidates.iter().enumerate() {
-            let noise = noise(size, candidate, batches);
+            let noise = noise::<N>(size, candidate);
             let variance = weighted(&noise, &weights.own);
-            let bias2 = bias(size, candidates, k, weights, &anchors, kappa, batches);
+            let bias2 = bias::<N>(size, candidates, k, weights, &anchors, kappa);
             let judged = (candidate.blur > 0).then(|| weighted(&noise, &edges));
             let judged = judged.as_ref().unwrap_or(&variance);
             let caution = if candidate.blur > 0 { CAUTION } else { 1.0 };
@@ -157,7 +172,7 @@ pub(super) fn common(
     size: Size,
     candidates: &[Candidate],
     chosen: &[u8],
-    alike: impl Fn(usize, usize) -> f32,
+    alike: impl Fn(usize, [isize; 2]) -> f32,
 ) -> Vec<u8> {
     let blur = |k: u8| candidates[usize::from(k)].blur;
     let widest = candidates.iter().map(|c| c.blur).max().unwrap_or(0);
@@ -172,7 +187,7 @@ pub(super) fn common(
             let own = &candidates[usize::from(taken[i])];
             if own.blur == number
                 && share < least
-                && share_of_alike(size, radius, &narrow, i, &alike) < least
+                && is_rare(size, radius, &narrow, i, least, &alike)
             {
                 taken[i] = own.wider.map_or(taken[i], |wider| wider as u8);
             }
@@ -181,28 +196,70 @@ pub(super) fn common(
     taken
 }
 
-/// Mean of the values in the square around a pixel, weighted by how much their pixels are like it.
-fn share_of_alike(
-    (width, height): Size,
+/// True if [`share_of_alike`] of values of 0 and 1 is less than this. It is so in most pixels on an even surface, and a few of the
+/// others' weights show it.
+pub(super) fn is_rare(
+    size: Size,
     radius: usize,
     values: &[f32],
     pixel: usize,
-    alike: impl Fn(usize, usize) -> f32,
+    least: f32,
+    alike: impl Fn(usize, [isize; 2]) -> f32,
+) -> bool {
+    let near = |value: f32| {
+        let near = around(size, radius, pixel);
+        near.filter(move |(other, _)| values[*other] == value)
+    };
+    let sum: f32 = near(1.0).map(|(_, step)| alike(pixel, step)).sum();
+    let [fewest, most] = [0.9999, 1.0001].map(|doubt| doubt * sum * (1.0 / least - 1.0));
+    let mut others = 0.0;
+    for (_, step) in near(0.0) {
+        others += alike(pixel, step);
+        if others > most {
+            return true;
+        }
+    }
+    // Where the order of the sums may decide, it is the plain one.
+    others >= fewest && share_of_alike(size, radius, values, pixel, alike) < least
+}
+
+/// Mean of the values in the square around a pixel, weighted by how much their pixels are like it.
+pub(super) fn share_of_alike(
+    size: Size,
+    radius: usize,
+    values: &[f32],
+    pixel: usize,
+    alike: impl Fn(usize, [isize; 2]) -> f32,
 ) -> f32 {
-    let around = |at: usize, end: usize| at.saturating_sub(radius)..(at + radius + 1).min(end);
-    let rows = around(pixel / width, height);
-    let near = rows.flat_map(|y| around(pixel % width, width).map(move |x| y * width + x));
-    let (sum, all) = near.fold((0.0, 0.0), |(sum, all), other| {
-        let weight = alike(pixel, other);
+    let near = around(size, radius, pixel);
+    let (sum, all) = near.fold((0.0, 0.0), |(sum, all), (other, step)| {
+        let weight = alike(pixel, step);
         (sum + weight * values[other], all + weight)
     });
     sum / all
 }
 
+/// The pixels in the square around one, row by row, and how far to the right and below they are.
+fn around(
+    (width, height): Size,
+    radius: usize,
+    pixel: usize,
+) -> impl Iterator<Item = (usize, [isize; 2])> {
+    let (x, y) = (pixel % width, pixel / width);
+    let range = move |at: usize, end: usize| {
+        let (radius, end) = (radius as isize, (end - at) as isize);
+        -radius.min(at as isize)..end.min(radius + 1)
+    };
+    range(y, height).flat_map(move |dy| {
+        let row = pixel.wrapping_add_signed(dy * width as isize);
+        range(x, width).map(move |dx| (row.wrapping_add_signed(dx), [dx, dy]))
+    })
+}
+
 /// V of a candidate.
-fn noise(size: Size, candidate: &Candidate, batches: usize) -> Vec<Vec3A> {
+fn noise<const N: usize>(size: Size, candidate: &Candidate) -> Vec<Vec3A> {
     let mut noise: Vec<Vec3A> = (candidate.light.iter())
-        .map(|light| variance_of_mean(&light[..batches]))
+        .map(|light| variance_of_mean(&light[..N]))
         .collect();
     tent(size, RADIUS, &mut noise);
     if let Some(missing) = &candidate.missing {
@@ -213,14 +270,13 @@ fn noise(size: Size, candidate: &Candidate, batches: usize) -> Vec<Vec3A> {
 }
 
 /// b of candidate number `k`.
-fn bias(
+fn bias<const N: usize>(
     size: Size,
     candidates: &[Candidate],
     k: usize,
     weights: &Weights,
     variance: &[Vec<f32>],
     kappa: f32,
-    batches: usize,
 ) -> Vec<f32> {
     let one = &candidates[k];
     let weights = if one.dark_side {
@@ -229,28 +285,24 @@ fn bias(
         &weights.own
     };
     let mut all = vec![0.0f32; weights.len()];
-    let share = DOUBTFUL * (batches as f32 / BATCHES as f32).powi(2);
+    let share = DOUBTFUL * (N as f32 / BATCHES as f32).powi(2);
     for &anchor in &one.sharper {
-        let pairs = || one.light.iter().zip(&candidates[anchor].light);
-        let mut smooth: Vec<Vec3A> = pairs()
-            .map(|(ours, theirs)| squared_difference(&apart(ours, theirs)[..batches]))
-            .collect();
+        let differences = || {
+            let pairs = one.light.iter().zip(&candidates[anchor].light);
+            pairs.map(|(ours, theirs)| apart::<N>(ours, theirs))
+        };
+        let mut smooth: Vec<Vec3A> = differences().map(|d| squared_difference(&d)).collect();
         // Only light of rare hits has no other sign of a coincidence.
         if one.missing.is_some() {
             smooth = seen_again(size.0, &smooth, |i| {
-                without_largest(&apart(&one.light[i], &candidates[anchor].light[i])[..batches])
+                without_largest(&apart::<N>(&one.light[i], &candidates[anchor].light[i]))
             });
         }
         let most = one.doubted.then(|| {
-            let variances = pairs().zip(weights).map(|((ours, theirs), weight)| {
-                variance_of_mean(&apart(ours, theirs)[..batches]).dot(*weight) / 3.0
-            });
-            doubtful(
-                size,
-                weighted(&smooth, weights),
-                variances.collect(),
-                batches,
-            )
+            let variances = differences()
+                .zip(weights)
+                .map(|(d, weight)| variance_of_mean(&d).dot(*weight) / 3.0);
+            doubtful(size, weighted(&smooth, weights), variances.collect(), N)
         });
         tent(size, RADIUS, &mut smooth);
         let mut biases = weighted(&smooth, weights);
@@ -267,7 +319,7 @@ fn bias(
 }
 
 /// The differences of two candidates' batches.
-fn apart(ours: &[Vec3A; BATCHES], theirs: &[Vec3A; BATCHES]) -> [Vec3A; BATCHES] {
+fn apart<const N: usize>(ours: &[Vec3A; BATCHES], theirs: &[Vec3A; BATCHES]) -> [Vec3A; N] {
     std::array::from_fn(|b| ours[b] - theirs[b])
 }
 

@@ -2,8 +2,8 @@ use super::coarse::{Caps, Coarse, Missing};
 use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface};
 use super::layer::{
-    Batches, Candidate, common, median, seen_again, squared_difference, variance_of_mean,
-    without_largest,
+    Batches, Candidate, common, is_rare, median, seen_again, share_of_alike, squared_difference,
+    variance_of_mean, without_largest,
 };
 use super::tiles::{BASE, STEP, rest};
 use super::*;
@@ -243,7 +243,7 @@ fn gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black() {
             width: w,
         };
         let guide = Guide::new((w, h), Surface::Rough, features);
-        let blurred = guide.blur(1.0, &inner, &[&light]);
+        let blurred = guide.blur(1.0, &inner, &[&light], BATCHES);
         let first = blurred[0].iter().map(|light| light[0].x);
         first.collect::<Vec<f32>>()
     };
@@ -402,9 +402,9 @@ fn blur_of_a_pixel_does_not_depend_on_those_blurred_with_it() {
             size,
             width: w,
         };
-        let whole = guide.blur(sigma, &part((0, 0), (w, h)), &[&light, &light]);
+        let whole = guide.blur(sigma, &part((0, 0), (w, h)), &[&light, &light], BATCHES);
         for (i, (first, second)) in whole[0].iter().zip(&whole[1]).enumerate() {
-            let one = guide.blur(sigma, &part((i % w, i / w), (1, 1)), &[&light]);
+            let one = guide.blur(sigma, &part((i % w, i / w), (1, 1)), &[&light], BATCHES);
             assert!(one[0][0] == *first && first == second, "{i}");
         }
     }
@@ -504,9 +504,9 @@ fn blur_of_a_blur_in_steps_is_a_wide_gaussian() {
     let guide = Guide::new((size, size), Surface::Rough, &features);
     let mut light = vec![[Vec3A::ZERO; BATCHES]; size * size];
     light[centre * size + centre] = [Vec3A::ONE; BATCHES];
-    let base = guide.blur(BASE, &inner, &[&light]).remove(0);
+    let base = guide.blur(BASE, &inner, &[&light], BATCHES).remove(0);
     let wide = guide
-        .blur_in_steps::<STEP>(rest(sigma), &inner, &[&base])
+        .blur_in_steps::<STEP>(rest(sigma), &inner, &[&base], BATCHES)
         .remove(0);
     let at = |x: usize, y: usize| wide[y * size + x][0].x;
     let (mut sum, mut square) = (0.0, 0.0);
@@ -1322,9 +1322,9 @@ fn lone_choices_give_way_and_features_stay() {
         |candidates: &[Candidate], narrow: u8, wide: u8, is: &dyn Fn(usize, usize) -> bool| {
             let of = |i: usize| if is(i % SIDE, i / SIDE) { narrow } else { wide };
             let chosen: Vec<u8> = (0..SIDE * SIDE).map(of).collect();
-            let taken = common((SIDE, SIDE), candidates, &chosen, |i, j| {
+            let taken = common((SIDE, SIDE), candidates, &chosen, |i, [dx, _]| {
                 // Two surfaces, the second one a narrow strip.
-                f32::from(u8::from(strip(i) == strip(j)))
+                f32::from(u8::from(strip(i) == strip(i.wrapping_add_signed(dx))))
             });
             let others = taken.iter().filter(|k| **k != narrow && **k != wide);
             assert_eq!(others.count(), 0, "{narrow}");
@@ -1368,6 +1368,92 @@ fn lone_choices_give_way_and_features_stay() {
     assert_eq!(kept(&blurs(1, 2), 1, 0, &square(1)), 1);
 }
 
+/// The vote that stops early ends as the plain mean does, most of all where rounding decides.
+#[test]
+fn a_rare_choice_is_found_as_by_the_plain_share() {
+    const SIZE: Size = (11, 10);
+    let (mut random, mut found) = (stream(78), [0; 2]);
+    for _ in 0..4000 {
+        let pixel = (random.next_1d() * (SIZE.0 * SIZE.1) as f32) as usize;
+        let (share, radius) = (random.next_1d(), 3 + usize::from(random.next_1d() < 0.5));
+        let mut values = [(); SIZE.0 * SIZE.1].map(|()| f32::from(random.next_1d() < share));
+        values[pixel] = 1.0;
+        let mut weights = values.map(|_| random.next_1d().powi(4));
+        let alike = |weights: &[f32]| {
+            let weights = weights.to_vec();
+            move |i: usize, [dx, dy]: [isize; 2]| {
+                weights[i.wrapping_add_signed(dy * SIZE.0 as isize + dx)]
+            }
+        };
+        // The least shares are far from 1, where what is left is rounding.
+        let tie = share_of_alike(SIZE, radius, &values, pixel, alike(&weights));
+        if !(0.1..0.9).contains(&tie) {
+            continue;
+        }
+        for around in [
+            0.5,
+            1.0 - 1e-5,
+            1.0 - 6e-8,
+            1.0,
+            1.0 + 1.2e-7,
+            1.0 + 1e-5,
+            1.5,
+        ] {
+            let least = tie * around;
+            let plain = tie < least;
+            let early = is_rare(SIZE, radius, &values, pixel, least, alike(&weights));
+            assert_eq!(early, plain, "{tie} of {least}");
+            found[usize::from(plain)] += 1;
+        }
+        // A pixel that none is like is as common as can be.
+        weights.fill(0.0);
+        weights[pixel] = 1.0;
+        assert!(!is_rare(
+            SIZE,
+            radius,
+            &values,
+            pixel,
+            0.49,
+            alike(&weights)
+        ));
+    }
+    assert!(found.iter().all(|count| *count > 5000), "{found:?}");
+}
+
+/// Batches without samples are left out of blurs, and black.
+#[test]
+fn blur_of_few_batches_is_that_of_all() {
+    const SIZE: Size = (23, 17);
+    let mut random = stream(79);
+    let features: Vec<Features> = (0..SIZE.0 * SIZE.1)
+        .map(|_| std::array::from_fn(|_| 0.3 + 0.1 * random.next_1d()))
+        .collect();
+    let inner = Inner {
+        origin: (2, 3),
+        size: (20, 12),
+        width: SIZE.0,
+    };
+    for batches in 2..=BATCHES {
+        let mut light = || -> Batches {
+            let of = |b: usize, random: f32| if b < batches { random } else { 0.0 };
+            let pixel = |_| std::array::from_fn(|b| Vec3A::splat(of(b, random.next_1d())));
+            (0..SIZE.0 * SIZE.1).map(pixel).collect()
+        };
+        let (one, two) = (light(), light());
+        for surface in [Surface::First, Surface::Rough] {
+            let guide = Guide::new(SIZE, surface, &features);
+            let layers = [&one, &two];
+            let few = guide.blur(1.5, &inner, &layers, batches);
+            assert_eq!(few, guide.blur(1.5, &inner, &layers, BATCHES));
+            let few = guide.blur_in_steps::<STEP>(4.0, &inner, &layers, batches);
+            assert_eq!(
+                few,
+                guide.blur_in_steps::<STEP>(4.0, &inner, &layers, BATCHES)
+            );
+        }
+    }
+}
+
 /// The weight of a neighbour in a blur is that of its surface times that of its distance, along both surfaces.
 #[test]
 fn alike_is_the_weight_of_a_blur_without_its_distance() {
@@ -1380,9 +1466,9 @@ fn alike_is_the_weight_of_a_blur_without_its_distance() {
     for of in [Surface::First, Surface::Rough] {
         let guide = Guide::new(SIZE, of, &features);
         for pixel in (1..8).flat_map(|x| (1..6).map(move |y| y * SIZE.0 + x)) {
-            let others = [pixel - 1, pixel + 1, pixel - SIZE.0, pixel + SIZE.0];
-            for (weight, other) in guide.beside(pixel).into_iter().zip(others) {
-                let alike = guide.alike(pixel, other);
+            let steps = [[-1, 0], [1, 0], [0, -1], [0, 1]];
+            for (weight, step) in guide.beside(pixel).into_iter().zip(steps) {
+                let alike = guide.alike(pixel, step);
                 let expected = alike * (-0.5f32).exp();
                 assert!(
                     (weight - expected).abs() < 1e-3 * expected,

@@ -13,14 +13,21 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Mutex;
 
-/// Pixels a side of the tiles: large ones, which have less around them, where they give every thread work.
-const EDGES: [u32; 2] = [128, 64];
+/// Pixels a side of the tiles: large ones, which have less around them, where they give every thread work. Larger ones take more memory
+/// and no less time.
+const EDGES: [u32; 3] = [160, 128, 64];
+
+/// Pixels of a picture that one thread takes as one tile.
+const SMALL: usize = 1 << 16;
 
 /// The edge of the tiles of a film.
 pub(super) fn edge(window: &Window) -> u32 {
-    let [large, small] = EDGES;
-    let busy = window.tiles(large).len() >= 2 * rayon::current_num_threads();
-    if busy { large } else { small }
+    let threads = rayon::current_num_threads();
+    if threads == 1 && window.len() <= SMALL {
+        return window.w.max(window.h);
+    }
+    let busy = |edge: &u32| window.tiles(*edge).len() >= 2 * threads;
+    EDGES.into_iter().find(busy).unwrap_or(EDGES[2])
 }
 
 /// Radius in pixels at which light that a level has not met is looked for.
@@ -284,11 +291,9 @@ impl<'a> Part<'a> {
 
         // Without a blur no choice needs others like it.
         let alike = |guide: Option<Guide>| {
-            move |pixel: usize, other: usize| {
-                let [pixel, other] = [pixel, other].map(|i| self.inner.number(i));
-                guide
-                    .as_ref()
-                    .map_or(1.0, |guide| guide.alike(pixel, other))
+            move |pixel: usize, step: [isize; 2]| {
+                let alike = |guide: &Guide| guide.alike(self.inner.number(pixel), step);
+                guide.as_ref().map_or(1.0, alike)
             }
         };
         let choose = |candidates: &[Candidate], kappa, guide| {
@@ -384,8 +389,11 @@ impl<'a> Part<'a> {
             self.cap(&mut capped);
         }
         let guide = Guide::new(self.size, Surface::First, features);
+        let batches = self.whole.roughened.count;
         for (number, &sigma) in sigmas.iter().enumerate() {
-            let mut blurred = guide.blur(sigma, &self.inner, &[&capped]).remove(0);
+            let mut blurred = guide
+                .blur(sigma, &self.inner, &[&capped], batches)
+                .remove(0);
             if keeps_glints {
                 for (blurred, i) in blurred.iter_mut().zip(self.inner.pixels()) {
                     for batch in 0..BATCHES {
@@ -479,6 +487,7 @@ impl<'a> Part<'a> {
         }
         let guide = Guide::new(self.size, Surface::Rough, &features);
         drop(features);
+        let batches = self.whole.roughened.count;
         let mut only = Batches::new();
         let rough: Vec<&Batches> = match levels {
             [one] => {
@@ -492,11 +501,11 @@ impl<'a> Part<'a> {
         let wide = wide.map(|sigma| (sigma, self.base(&guide, sigma, rough[0])));
         let blur = |&sigma: &f32| match &wide {
             Some((_, base)) if sigma == BASE => (sigma, vec![self.inner.of(base)]),
-            _ => (sigma, guide.blur(sigma, &self.inner, &rough)),
+            _ => (sigma, guide.blur(sigma, &self.inner, &rough, batches)),
         };
         let mut blurs: Vec<_> = sigmas.iter().map(blur).collect();
         if let Some((sigma, base)) = &wide {
-            let wide = guide.blur_in_steps::<STEP>(rest(*sigma), &self.inner, &[base]);
+            let wide = guide.blur_in_steps::<STEP>(rest(*sigma), &self.inner, &[base], batches);
             blurs.push((*sigma, wide));
         }
         (blurs, Some(guide))
@@ -505,7 +514,8 @@ impl<'a> Part<'a> {
     /// A blur of [`BASE`] of all pixels that one of `sigma` takes values from.
     fn base(&self, guide: &Guide, sigma: f32, light: &Batches) -> Batches {
         let around = self.inner.grown(reach(rest(sigma)), self.size.1);
-        let base = guide.blur(BASE, &around, &[light]).remove(0);
+        let batches = self.whole.roughened.count;
+        let base = guide.blur(BASE, &around, &[light], batches).remove(0);
         let mut blurred = light.clone();
         for (i, light) in around.pixels().zip(base) {
             blurred[i] = light;
