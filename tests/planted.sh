@@ -136,6 +136,8 @@ plant "a pixel on an edge is like neither surface" src/resolve/guide.rs \
     lib::resolve::tests::gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black
 plant "the second way through glass counts as the first" src/integrator/walk/ways.rs \
     's/chance: 1\.0 - one\.chance/chance: one.chance/' lib::integrator::walk::ways::tests::ways_are_all_leaves_of_a_tree
+plant "ways of small shares end and nothing makes up for it" src/integrator/bidirectional/walk.rs \
+    's/self\.base\.throughput \/= chance;//' bidirectional::ways::agreement_with_path_behind_a_pane
 plant "a reflection at glass is drawn" src/integrator/bidirectional/paths.rs \
     's/Ways::all\(\)/Ways::drawn()/' bidirectional::ways::glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample
 plant "photons count at the radius that first reaches them alone" src/integrator/bidirectional/merge.rs \

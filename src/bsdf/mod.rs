@@ -227,7 +227,8 @@ impl Bsdf {
         })
     }
 
-    /// Chance with which [`Bsdf::sample`] draws the reflection at smooth glass, where it draws a refraction besides; else `None`.
+    /// Chance with which [`Bsdf::sample`] draws the reflection at smooth glass, where it draws a refraction besides; `None` for others, and
+    /// for glass under a film or a clear coat.
     #[inline]
     pub(crate) fn chance_of_reflection(&self, alpha: f32, wo: Vec3) -> Option<f32> {
         let chance = match self {

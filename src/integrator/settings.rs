@@ -80,7 +80,7 @@ pub struct Settings {
     pub sampler: SamplerKind,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
-    /// Vertex (from 1) at which Russian roulette begins.
+    /// Vertex (from 1) at which Russian roulette begins. Ways through glass of `bdpt` and `vcm` have one of their own.
     pub roulette_start: u32,
     /// Seed of all random numbers.
     pub seed: u64,

@@ -78,7 +78,8 @@ pub trait PathObserver {
     /// camera walks call it.
     #[inline]
     fn seen(&mut self, _value: Rgb) {}
-    /// One of several ways of the path is complete, which counts this share of the path: the same first vertex, and others.
+    /// One of the path's ways through glass is complete, and counts this share of the path. Every way reports all of its vertices, the
+    /// first one too, and what it has seen. Only bidirectional camera walks call it.
     #[inline]
     fn way(&mut self, _share: f32) {}
     /// The path is complete; `radiance` is the sum of its contributions.

@@ -51,7 +51,7 @@ impl Ways {
         }
     }
 
-    /// The numbers that draw a lobe at a vertex which the walk has come to by Dirac lobes alone: those of the path, `u`, except that
+    /// The numbers that draw a lobe at a vertex before the first draw from a smooth lobe: those of the path, `u`, except that
     /// the first chooses the lobe of the current way at a fork.
     #[inline]
     pub(in crate::integrator) fn choose(
@@ -93,7 +93,8 @@ impl Ways {
         forks.map(|fork| fork.chance).product()
     }
 
-    /// Chance of going on after the first draw from a smooth lobe: what is left of the path counts its share only.
+    /// Chance of going on after the first draw from a smooth lobe. Light beyond it counts the way's share c; with the chance c it would
+    /// have the noise of a drawn way, with 1 the cost of a whole path.
     pub(in crate::integrator) fn survival(&self) -> f32 {
         self.share().sqrt()
     }

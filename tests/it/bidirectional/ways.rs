@@ -4,7 +4,7 @@ use crate::support::render::{film_with, mean, scene};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
-use opsr::scene::procedural::materials::{coated, emitter, glass};
+use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass};
 use opsr::scene::procedural::shapes::{cuboid, quad};
 use opsr::scene::{Material, Mesh, SceneParts};
 use std::f32::consts::FRAC_1_SQRT_2 as COS;
@@ -84,5 +84,36 @@ fn glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample() {
                 assert!(deviation < most * expected, "{name}: {deviation}");
             }
         }
+    }
+}
+
+/// Roulette of ways keeps the light of a room behind a pane that reflects a third of it.
+#[test]
+fn agreement_with_path_behind_a_pane() {
+    let mut parts = super::scenes::lit(diffuse("walls", Rgb::splat(0.8)), 3.0);
+    let pane = Material {
+        transmission: 1.0,
+        ior: 4.0,
+        ..coated("pane", Rgb::ONE, 0.0)
+    };
+    let corner = Vec3::new(-2.0, -1.0, 1.5);
+    parts.add(pane, [quad(corner, 4.0 * Vec3::X, 4.0 * Vec3::Y)]);
+    let scene = scene(parts);
+    let whole = |estimator, seed| {
+        let settings = Settings {
+            estimator,
+            seed,
+            ..Settings::default()
+        };
+        mean(&film_with(&scene, &settings, 16, 512))
+    };
+    let (expected, error) = whole(Estimator::Path { reuse: false }, 1);
+    for estimator in [Estimator::Bdpt, Estimator::VcmNee(Radius::default())] {
+        let (found, own) = whole(estimator, 2);
+        let z = (found - expected) / error.hypot(own);
+        assert!(
+            z.abs() < 4.0,
+            "{estimator:?}: {found} ± {own} for {expected} ± {error}"
+        );
     }
 }
