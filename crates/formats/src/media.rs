@@ -3,7 +3,7 @@
 //! A shape names the medium inside and the one outside of it. Where the two are one, or none is named, the boundary means nothing to
 //! media: what is around it goes on in it. A path tracks the bodies around it, which determine the medium outside of a
 //! shape. Only the medium of the whole scene must be found: the one outside of a shape or around the camera that fills no shape.
-//! Where that around the camera fills a shape too, the bodies around the camera decide.
+//! Bodies around the camera decide where a shape has the same medium as the camera.
 
 use super::{Context, Material, Medium};
 use crate::build::looks;
