@@ -213,8 +213,11 @@ plant "one level: the wide blur is blurred twice" src/resolve/tiles.rs \
 plant "one level: the wide blur takes too few pixels" src/resolve/tiles.rs \
     's/const STEP: usize = 3/const STEP: usize = 6/' lib::resolve::tests::blur_of_a_blur_in_steps_is_a_wide_gaussian
 plant "one level: tiles have too little around them" src/resolve/tiles.rs \
-    's/let blur = blur\.max\(wide\.map_or\(0, \|wide\| reach\(rest\(wide\)\) \+ reach\(BASE\)\)\);/let _ = wide;/' \
+    's/_ => reach\(rest\(WIDE\)\) \+ reach\(BASE\)/_ => reach(3.0)/' \
     lib::resolve::tests::resolve_in_tiles_has_the_bytes_of_the_whole
+plant "levels: light that all share has no wide blur" src/resolve/tiles.rs \
+    's/self\.blurs\(&guide, &\[&capped\], !keeps_glints\)/self.blurs(\&guide, \&[\&capped], false)/' \
+    lib::resolve::tests::shared_light_is_blurred
 plant "one level: chance counts as it stands" src/resolve/layer.rs \
     's/\(share \* \*bias\)\.min\(\*most\)/share * *bias/' lib::resolve::tests::an_even_floor_has_no_pepper
 plant "resolve: lone choices stay" src/resolve/layer.rs \

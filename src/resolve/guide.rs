@@ -135,20 +135,10 @@ impl Guide {
         negative_exponential(normals + reflectance + of_lengths(apart(&self.length), reach))
     }
 
-    /// The first `batches` of layers, blurred by a Gaussian of this standard deviation in pixels, at the inner pixels.
-    pub(super) fn blur(
-        &self,
-        sigma: f32,
-        inner: &Inner,
-        layers: &[&Batches],
-        batches: usize,
-    ) -> Vec<Batches> {
-        self.blur_in_steps::<1>(sigma, inner, layers, batches)
-    }
-
-    /// The same from every `STEP`th pixel in both directions, for layers that are blurred already: Dammertz et al., *Edge-Avoiding
-    /// À-Trous Wavelet Transform for fast Global Illumination Filtering*, High Performance Graphics 2010.
-    pub(super) fn blur_in_steps<const STEP: usize>(
+    /// The first `batches` of layers, blurred by a Gaussian of this standard deviation in pixels, at the inner pixels, from every `STEP`th
+    /// pixel in both directions. More than one is for layers that are blurred already: Dammertz et al., *Edge-Avoiding À-Trous Wavelet
+    /// Transform for fast Global Illumination Filtering*, High Performance Graphics 2010.
+    pub(super) fn blur<const STEP: usize>(
         &self,
         sigma: f32,
         inner: &Inner,

@@ -105,7 +105,7 @@ fn factors_of_cells(
         .collect();
     let [have, cut] = [have, cut]
         .map(|light| -> Batches { light.iter().map(|light| [*light; BATCHES]).collect() });
-    let blurred = guide.blur(SIGMA, &inner, &[&lacks, &have, &cut], light.count);
+    let blurred = guide.blur::<1>(SIGMA, &inner, &[&lacks, &have, &cut], light.count);
     let cells = 0..blurred[0].len();
     cells
         .map(|cell| {

@@ -243,7 +243,7 @@ fn gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black() {
             width: w,
         };
         let guide = Guide::new((w, h), Surface::Rough, features);
-        let blurred = guide.blur(1.0, &inner, &[&light], BATCHES);
+        let blurred = guide.blur::<1>(1.0, &inner, &[&light], BATCHES);
         let first = blurred[0].iter().map(|light| light[0].x);
         first.collect::<Vec<f32>>()
     };
@@ -402,9 +402,9 @@ fn blur_of_a_pixel_does_not_depend_on_those_blurred_with_it() {
             size,
             width: w,
         };
-        let whole = guide.blur(sigma, &part((0, 0), (w, h)), &[&light, &light], BATCHES);
+        let whole = guide.blur::<1>(sigma, &part((0, 0), (w, h)), &[&light, &light], BATCHES);
         for (i, (first, second)) in whole[0].iter().zip(&whole[1]).enumerate() {
-            let one = guide.blur(sigma, &part((i % w, i / w), (1, 1)), &[&light], BATCHES);
+            let one = guide.blur::<1>(sigma, &part((i % w, i / w), (1, 1)), &[&light], BATCHES);
             assert!(one[0][0] == *first && first == second, "{i}");
         }
     }
@@ -450,7 +450,7 @@ fn resolve_in_tiles_has_the_bytes_of_the_whole() {
             continue;
         }
         assert!((0..4).filter(|k| whole.level.contains(k)).count() > 1);
-        for edge in [1, 7, 32] {
+        for edge in [3, 7, 32] {
             assert_eq!(resolve(&film, limits, edge), whole, "{settings:?} {edge}");
         }
     }
@@ -504,9 +504,9 @@ fn blur_of_a_blur_in_steps_is_a_wide_gaussian() {
     let guide = Guide::new((size, size), Surface::Rough, &features);
     let mut light = vec![[Vec3A::ZERO; BATCHES]; size * size];
     light[centre * size + centre] = [Vec3A::ONE; BATCHES];
-    let base = guide.blur(BASE, &inner, &[&light], BATCHES).remove(0);
+    let base = guide.blur::<1>(BASE, &inner, &[&light], BATCHES).remove(0);
     let wide = guide
-        .blur_in_steps::<STEP>(rest(sigma), &inner, &[&base], BATCHES)
+        .blur::<STEP>(rest(sigma), &inner, &[&base], BATCHES)
         .remove(0);
     let at = |x: usize, y: usize| wide[y * size + x][0].x;
     let (mut sum, mut square) = (0.0, 0.0);
@@ -804,7 +804,8 @@ fn shared_samples(size: usize, samples: usize, of: impl Fn(usize, usize) -> f32)
     film
 }
 
-/// Noise of the light that all levels share falls, where its surface goes on.
+/// Noise of the light that all levels share falls, where its surface goes on, to what the widest blur leaves: 0.022 of its square, and
+/// 0.029 without that one.
 #[test]
 fn shared_light_is_blurred() {
     let film = shared_film(48, |b, i| 1.0 + 0.3 * noise(0, b, i));
@@ -816,7 +817,7 @@ fn shared_light_is_blurred() {
     let [none, sharp, blurred] = [Resolve::None, SHARP, Resolve::Default].map(square);
     assert!((none / 0.0225 - 1.0).abs() < 0.2, "{none}");
     assert!((sharp / none - 1.0).abs() < 0.01, "{sharp} {none}");
-    assert!(blurred < 0.25 * none, "{blurred} {none}");
+    assert!(blurred < 0.025 * none, "{blurred} {none}");
 }
 
 /// A firefly among even light is no blob; light that comes as hits everywhere keeps its energy.
@@ -1443,13 +1444,13 @@ fn blur_of_few_batches_is_that_of_all() {
         for surface in [Surface::First, Surface::Rough] {
             let guide = Guide::new(SIZE, surface, &features);
             let layers = [&one, &two];
-            let few = guide.blur(1.5, &inner, &layers, batches);
+            let few = guide.blur::<1>(1.5, &inner, &layers, batches);
             assert!(
-                few == guide.blur(1.5, &inner, &layers, BATCHES),
+                few == guide.blur::<1>(1.5, &inner, &layers, BATCHES),
                 "{batches}"
             );
-            let few = guide.blur_in_steps::<STEP>(4.0, &inner, &layers, batches);
-            let all = guide.blur_in_steps::<STEP>(4.0, &inner, &layers, BATCHES);
+            let few = guide.blur::<STEP>(4.0, &inner, &layers, batches);
+            let all = guide.blur::<STEP>(4.0, &inner, &layers, BATCHES);
             assert!(few == all, "{batches}");
         }
     }

@@ -62,43 +62,25 @@ pub enum Resolve {
 pub(super) struct Limits {
     /// Most levels.
     pub(super) levels: usize,
-    /// Standard deviations in pixels of blurs of the light that all levels share, ascending.
-    pub(super) shared: &'static [f32],
-    /// The same of the light of roughened vertices.
-    pub(super) roughened: &'static [f32],
-    /// The same of one more blur, the widest, of the only level.
-    pub(super) wide: Option<f32>,
-    /// κ of both layers: share of the noise of a sharper candidate that a difference must exceed; below 0 noise counts as bias.
-    pub(super) kappa: [f32; 2],
+    /// Standard deviations in pixels of blurs of both layers, ascending; [`WIDE`] is added to those of one layer.
+    pub(super) blurs: &'static [f32],
+    /// κ: share of the noise of a sharper candidate that a difference must exceed; below 0 noise counts as bias.
+    pub(super) kappa: f32,
 }
 
 impl Limits {
     /// Limits of a setting for a film with this number of levels. Measured in docs/lab/resolve.md, of one level in docs/lab/photons.md.
     pub(super) fn of(settings: Resolve, levels: usize) -> Self {
-        let all = Self::of_levels(settings);
-        match levels {
-            // Light of roughened vertices has edges of shadows and textures, and no other level shows what is noise.
-            1 => Self {
-                wide: (!all.roughened.is_empty()).then_some(6.0),
-                kappa: all.kappa.map(|kappa| kappa - 0.5),
-                ..all
-            },
-            _ => all,
-        }
-    }
-
-    fn of_levels(settings: Resolve) -> Self {
-        let (levels, shared, roughened): (usize, &[f32], &[f32]) = match settings {
-            Resolve::None => (1, &[], &[]),
-            Resolve::Sharp => (MAX_LEVELS, &[], &[]),
-            Resolve::Default => (MAX_LEVELS, &[1.0, 2.0], &[0.7, 1.5, 3.0]),
+        let (most, blurs): (usize, &[f32]) = match settings {
+            Resolve::None => (1, &[]),
+            Resolve::Sharp => (MAX_LEVELS, &[]),
+            Resolve::Default => (MAX_LEVELS, &[0.7, BASE, 3.0]),
         };
         Self {
-            levels,
-            shared,
-            roughened,
-            wide: None,
-            kappa: [0.0, 0.25],
+            levels: most,
+            blurs,
+            // The only level has edges of shadows and textures, and no other level shows what is noise.
+            kappa: if levels == 1 { -0.25 } else { 0.25 },
         }
     }
 }
@@ -118,10 +100,10 @@ pub(super) struct Shared<'a> {
 impl Shared<'_> {
     /// Pixels around a tile that its picture depends on.
     fn reach(&self) -> u32 {
-        let widest = |sigmas: &[f32]| sigmas.iter().map(|&s| reach(s)).max().unwrap_or(0);
-        let blur = widest(self.limits.shared).max(widest(self.limits.roughened));
-        let wide = self.limits.wide;
-        let blur = blur.max(wide.map_or(0, |wide| reach(rest(wide)) + reach(BASE)));
+        let blur = match self.limits.blurs {
+            [] => 0,
+            _ => reach(rest(WIDE)) + reach(BASE),
+        };
         (AROUND + blur.max(2 * MISSING_RADIUS)) as u32
     }
 
@@ -138,7 +120,11 @@ impl Shared<'_> {
     }
 }
 
-/// Standard deviation of the blur that a wide one is made of.
+/// Standard deviation in pixels of the widest blur, of the layer that has most of the light: the one of the only level, or that which
+/// all levels share.
+pub(super) const WIDE: f32 = 6.0;
+
+/// Standard deviation of the blur that the wide one is made of.
 pub(super) const BASE: f32 = 1.5;
 
 /// Pixels between those that a wide blur takes: two standard deviations of [`BASE`], so that all count nearly alike.
@@ -286,7 +272,6 @@ impl<'a> Part<'a> {
         let features = self.whole.film.features_of(&self.outer);
         let weights = self.weights(&shared, &all[count - 1]);
         let size = self.inner.size;
-        let limits = &self.whole.limits;
         let batches = self.whole.roughened.count;
 
         // Without a blur no choice needs others like it.
@@ -296,18 +281,19 @@ impl<'a> Part<'a> {
                 guide.as_ref().map_or(1.0, alike)
             }
         };
-        let choose = |candidates: &[Candidate], kappa, guide| {
+        let choose = |candidates: &[Candidate], guide| {
+            let kappa = self.whole.limits.kappa;
             Choice::of(size, candidates, &weights.0, kappa, batches, alike(guide))
         };
 
         let (candidates, guide) = self.of_shared(shared, &features);
-        let p = choose(&candidates, limits.kappa[0], guide);
+        let p = choose(&candidates, guide);
         let mean = |light: &[Vec3A; BATCHES]| self.mean(light);
         let (shared, shared_batches) = p.blend(size, &candidates, mean);
         drop(candidates);
 
         let (candidates, guide) = self.of_roughened(all, features);
-        let r = choose(&candidates, limits.kappa[1], guide);
+        let r = choose(&candidates, guide);
         let (roughened, rough_batches) = r.blend(size, &candidates, mean);
         let noise = |i: usize| {
             let batch = |b: usize| shared_batches[i][b] + rough_batches[i][b];
@@ -363,24 +349,27 @@ impl<'a> Part<'a> {
     /// The light that all levels share: as it is, and blurred without its fireflies. With one level these are glints of lamps: they
     /// stay where they are. With the guide of the blurs, if there are any.
     fn of_shared(&self, light: Batches, features: &[Features]) -> (Vec<Candidate>, Option<Guide>) {
+        let keeps_glints = self.whole.film.levels() == 1;
+        let widest = match self.whole.limits.blurs.len() {
+            0 => 0,
+            blurs => blurs + usize::from(!keeps_glints),
+        };
         let candidate = |number: usize, light: Batches| Candidate {
             level: 0,
             light,
             sharper: (0..number).collect(),
             missing: None,
             blur: number,
-            wider: (number < self.whole.limits.shared.len()).then_some(number + 1),
+            wider: (number < widest).then_some(number + 1),
             doubted: number > 0,
             dark_side: number > 0,
         };
         let mut all = vec![candidate(0, self.inner.of(&light))];
-        let sigmas = self.whole.limits.shared;
         // A blur of nothing is nothing.
-        if sigmas.is_empty() || light.iter().flatten().all(|light| *light == Vec3A::ZERO) {
+        if widest == 0 || light.iter().flatten().all(|light| *light == Vec3A::ZERO) {
             return (all, None);
         }
         let mut capped = light.clone();
-        let keeps_glints = self.whole.film.levels() == 1;
         if keeps_glints {
             let most = Vec3A::splat(GLINT / self.whole.gain);
             let batches = capped.iter_mut().flatten();
@@ -389,11 +378,8 @@ impl<'a> Part<'a> {
             self.cap(&mut capped);
         }
         let guide = Guide::new(self.size, Surface::First, features);
-        let batches = self.whole.roughened.count;
-        for (number, &sigma) in sigmas.iter().enumerate() {
-            let mut blurred = guide
-                .blur(sigma, &self.inner, &[&capped], batches)
-                .remove(0);
+        for (_, mut blurred) in self.blurs(&guide, &[&capped], !keeps_glints) {
+            let mut blurred = blurred.remove(0);
             if keeps_glints {
                 for (blurred, i) in blurred.iter_mut().zip(self.inner.pixels()) {
                     for batch in 0..BATCHES {
@@ -401,7 +387,7 @@ impl<'a> Part<'a> {
                     }
                 }
             }
-            all.push(candidate(1 + number, blurred));
+            all.push(candidate(all.len(), blurred));
         }
         (all, Some(guide))
     }
@@ -431,7 +417,19 @@ impl<'a> Part<'a> {
             let of = missing[level].iter();
             Some(of.map(|missing| missing.noise(times)).collect())
         };
-        let (blurs, guide) = self.blurs(&levels, features);
+        let guide = match self.whole.limits.blurs {
+            [] => None,
+            _ => Some(Guide::new(self.size, Surface::Rough, &features)),
+        };
+        drop(features);
+        let blurs = guide.as_ref().map_or(Vec::new(), |guide| match &*levels {
+            [only] => {
+                let mut only = only.clone();
+                self.cap(&mut only);
+                self.blurs(guide, &[&only], true)
+            }
+            _ => self.blurs(guide, &levels.iter().skip(1).collect::<Vec<_>>(), false),
+        });
         let widest = blurs.len();
         // The first of several levels is too noisy for a blur; of the only one fireflies are.
         let first = usize::from(count > 1);
@@ -474,48 +472,27 @@ impl<'a> Part<'a> {
         (all, guide)
     }
 
-    /// Blurs of the light of roughened vertices by their standard deviation: those of all levels but the first, or of the only one
-    /// without its fireflies.
-    fn blurs(
-        &self,
-        levels: &[Batches],
-        features: Vec<Features>,
-    ) -> (Vec<(f32, Vec<Batches>)>, Option<Guide>) {
-        let sigmas = self.whole.limits.roughened;
-        if sigmas.is_empty() {
-            return (Vec::new(), None);
-        }
-        let guide = Guide::new(self.size, Surface::Rough, &features);
-        drop(features);
+    /// Blurs of light by their standard deviation, ascending; with `wide` that of [`WIDE`] of the first.
+    fn blurs(&self, guide: &Guide, light: &[&Batches], wide: bool) -> Vec<(f32, Vec<Batches>)> {
         let batches = self.whole.roughened.count;
-        let mut only = Batches::new();
-        let rough: Vec<&Batches> = match levels {
-            [one] => {
-                only.clone_from(one);
-                self.cap(&mut only);
-                vec![&only]
-            }
-            _ => levels.iter().skip(1).collect(),
+        let base = wide.then(|| self.base(guide, light[0]));
+        let blur = |&sigma: &f32| match &base {
+            Some(base) if sigma == BASE => (sigma, vec![self.inner.of(base)]),
+            _ => (sigma, guide.blur::<1>(sigma, &self.inner, light, batches)),
         };
-        let wide = self.whole.limits.wide;
-        let wide = wide.map(|sigma| (sigma, self.base(&guide, sigma, rough[0])));
-        let blur = |&sigma: &f32| match &wide {
-            Some((_, base)) if sigma == BASE => (sigma, vec![self.inner.of(base)]),
-            _ => (sigma, guide.blur(sigma, &self.inner, &rough, batches)),
-        };
-        let mut blurs: Vec<_> = sigmas.iter().map(blur).collect();
-        if let Some((sigma, base)) = &wide {
-            let wide = guide.blur_in_steps::<STEP>(rest(*sigma), &self.inner, &[base], batches);
-            blurs.push((*sigma, wide));
+        let mut blurs: Vec<_> = self.whole.limits.blurs.iter().map(blur).collect();
+        if let Some(base) = &base {
+            let wide = guide.blur::<STEP>(rest(WIDE), &self.inner, &[base], batches);
+            blurs.push((WIDE, wide));
         }
-        (blurs, Some(guide))
+        blurs
     }
 
-    /// A blur of [`BASE`] of all pixels that one of `sigma` takes values from.
-    fn base(&self, guide: &Guide, sigma: f32, light: &Batches) -> Batches {
-        let around = self.inner.grown(reach(rest(sigma)), self.size.1);
+    /// A blur of [`BASE`] of all pixels that one of [`WIDE`] takes values from.
+    fn base(&self, guide: &Guide, light: &Batches) -> Batches {
+        let around = self.inner.grown(reach(rest(WIDE)), self.size.1);
         let batches = self.whole.roughened.count;
-        let base = guide.blur(BASE, &around, &[light], batches).remove(0);
+        let base = guide.blur::<1>(BASE, &around, &[light], batches).remove(0);
         let mut blurred = light.clone();
         for (i, light) in around.pixels().zip(base) {
             blurred[i] = light;

@@ -370,9 +370,10 @@ static float opsr_alike(const opsr_film *f, opsr_guide g, int x, int y, float sc
 }
 #undef OPSR_F
 
-/* `first`: along the first surface, by its reflectance too; otherwise along the first rough one. */
-static void opsr_blur(const opsr_film *f, int first, float sigma, const opsr_light *in, opsr_light *out) {
-    int w = f->width, h = f->height, radius = (int)ceilf(2.0f * sigma);
+/* `first`: along the first surface, by its reflectance too; otherwise along the first rough one. From every `step`th pixel in both
+ * directions: more than one is for light that is blurred already. */
+static void opsr_blur(const opsr_film *f, int first, float sigma, int step, const opsr_light *in, opsr_light *out) {
+    int w = f->width, h = f->height, radius = (int)ceilf(2.0f * sigma) / step * step;
     float most = 2.2f * sigma * 2.2f * sigma;
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++) {
@@ -380,11 +381,11 @@ static void opsr_blur(const opsr_film *f, int first, float sigma, const opsr_lig
             float all = 0.0f;
             opsr_light sum;
             memset(&sum, 0, sizeof sum);
-            for (int dy = -radius; dy <= radius; dy++) {
+            for (int dy = -radius; dy <= radius; dy += step) {
                 float left = most - (float)(dy * dy);
                 if (left < 0.0f || y + dy < 0 || y + dy >= h) continue;
-                int half = (int)sqrtf(left) < radius ? (int)sqrtf(left) : radius;
-                for (int dx = -half; dx <= half; dx++) {
+                int half = ((int)sqrtf(left) < radius ? (int)sqrtf(left) : radius) / step * step;
+                for (int dx = -half; dx <= half; dx += step) {
                     if (x + dx < 0 || x + dx >= w) continue;
                     float weight = opsr_alike(f, guide, x + dx, y + dy, 0.5f / (sigma * sigma));
                     const opsr_light *l = in + (size_t)(y + dy) * w + x + dx;
@@ -485,7 +486,7 @@ static int opsr_doubtful(int w, int h, const float *square, const float *varianc
 
 /* Chooses among candidates, each judged against the `sharper` first of them; blends their means into `layer` and adds to
  * bias2, variance and the batches of the choice. `weights`: own and dark, 3 a pixel each. */
-static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count, const float *own, const float *dark, float kappa,
+static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count, const float *own, const float *dark,
                        float *layer, unsigned char *level, float *bias2, float *variance, opsr_light *batches) {
     size_t n = (size_t)f->width * f->height;
     float *noise = (float *)malloc(n * 3 * sizeof(float)), *square = (float *)malloc(n * 3 * sizeof(float));
@@ -526,7 +527,7 @@ static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count,
                 float u = 0.0f;
                 for (int c = 0; c < 3; c++) u += square[i * 3 + c] * weights[i * 3 + c] / 3.0f;
                 if (most[i] < INFINITY) u = fminf(0.4f * u, most[i]);
-                bias[i] = fmaxf(bias[i], u - kappa * anchors[j * n + i]);
+                bias[i] = fmaxf(bias[i], u - 0.25f * anchors[j * n + i]);
             }
         }
         for (size_t i = 0; !failed && i < n; i++) {
@@ -576,7 +577,8 @@ static opsr_candidate *opsr_add(opsr_candidate *all, int *count, size_t n, int l
     return new_one->light && (!missing || new_one->missing) ? new_one : NULL;
 }
 
-static const float opsr_blurs_of_shared[2] = {1.0f, 2.0f}, opsr_blurs[3] = {0.7f, 1.5f, 3.0f};
+/* Standard deviations of blurs in pixels. That of 6 is for P alone: one of `rest` from every third pixel of that of 1.5. */
+static const float opsr_blurs[4] = {0.7f, 1.5f, 3.0f, 6.0f};
 
 /* P as it is, and blurred without its fireflies. */
 static int opsr_of_shared(const opsr_film *f, opsr_candidate *all, int *count) {
@@ -594,13 +596,16 @@ static int opsr_of_shared(const opsr_film *f, opsr_candidate *all, int *count) {
             float cap = opsr_corners(g, caps, 3, c, (int)i);
             for (int b = 0; b < OPSR_BATCHES; b++) capped[i].v[b][c] = fminf(all[0].light[i].v[b][c], cap);
         }
-    for (int s = 0; !failed && s < 2; s++) {
-        one = opsr_add(all, count, n, 0, s + 1, s + 1, s < 1 ? s + 2 : -1, 0);
+    for (int s = 0; !failed && s < 4; s++) {
+        one = opsr_add(all, count, n, 0, s + 1, s + 1, s < 3 ? s + 2 : -1, 0);
         failed = !one;
-        if (one) {
-            one->dark_side = 1;
-            opsr_blur(f, 1, opsr_blurs_of_shared[s], capped, one->light);
-        }
+        if (!one) break;
+        float rest = sqrtf(opsr_blurs[s] * opsr_blurs[s] - opsr_blurs[1] * opsr_blurs[1]);
+        one->dark_side = 1;
+        if (s < 3)
+            opsr_blur(f, 1, opsr_blurs[s], 1, capped, one->light);
+        else
+            opsr_blur(f, 1, rest, 3, all[2].light, one->light);
     }
     free(caps);
     free(capped);
@@ -653,7 +658,7 @@ static int opsr_of_roughened(const opsr_film *f, const opsr_coarse *coarse, opsr
             if (s < 0)
                 for (size_t i = 0; i < n; i++) one->light[i] = opsr_at(f, k, i);
             else
-                opsr_blur(f, 0, opsr_blurs[s], all[k].light, one->light);
+                opsr_blur(f, 0, opsr_blurs[s], 1, all[k].light, one->light);
             for (size_t i = 0; i < n; i++)
                 for (int c = 0; c < 3; c++)
                     one->missing[i * 3 + c] = variance[(k * n + i) * 3 + c] * expf(-expected[k * n + i] * times);
@@ -750,10 +755,9 @@ static int opsr_resolve(const opsr_film *f, const opsr_resolved *out) {
     memset(out->variance, 0, n * sizeof(float));
     for (int rough = 0; !failed && rough < 2; rough++) {
         int count = 0;
-        float kappa = rough ? 0.25f : 0.0f;
         failed = opsr_coarse_of(f, !rough, coarse + rough);
         if (!failed) failed = rough ? opsr_of_roughened(f, coarse + 1, all, &count) : opsr_of_shared(f, all, &count);
-        if (!failed) failed = opsr_choose(f, all, count, own, dark, kappa, layer, rough ? out->level : NULL, out->bias2, out->variance, batches);
+        if (!failed) failed = opsr_choose(f, all, count, own, dark, layer, rough ? out->level : NULL, out->bias2, out->variance, batches);
         if (!failed) failed = opsr_energy(f, coarse + rough, layer, factors);
         for (size_t i = 0; !failed && i < n; i++)
             for (int c = 0; c < 3; c++) {
@@ -811,16 +815,16 @@ static void opsr_test_film(float *light, float *features) {
 
 /* Red, green, blue, relative squared error and error map of every 41st pixel of the choice with OPSR_DEFAULT. */
 static const float opsr_test_expected[10][5] = {
-    {0.4547432f, 0.4342347f, 0.4137263f, 3.7010058e-4f, 0.0184059f},
-    {0.3010591f, 0.2958311f, 0.2906032f, 8.7515259e-4f, 0.0127983f},
-    {0.4575636f, 0.4367565f, 0.4159494f, 4.4856817e-5f, 0.0090027f},
-    {0.4518756f, 0.4317846f, 0.4116936f, 2.8361133e-5f, 0.0107387f},
-    {0.3033902f, 0.2981285f, 0.2928667f, 4.9883255e-4f, 0.0177167f},
-    {0.4514578f, 0.4310263f, 0.4105948f, 1.7382258e-4f, 0.0145472f},
-    {0.4566342f, 0.4359580f, 0.4152818f, 7.8728801e-5f, 0.0142414f},
-    {0.3008808f, 0.2956766f, 0.2904724f, 3.5432522e-4f, 0.0144321f},
-    {0.3047583f, 0.2991578f, 0.2935573f, 1.5992015e-4f, 0.0149035f},
-    {0.4784209f, 0.4557850f, 0.4331492f, 9.0079592e-4f, 0.0201873f},
+    {0.4542105f, 0.4337021f, 0.4131936f, 3.5171339e-4f, 0.0220288f},
+    {0.3022331f, 0.2970051f, 0.2917771f, 5.3611374e-4f, 0.0114498f},
+    {0.4569072f, 0.4361001f, 0.4152930f, 2.1844717e-5f, 0.0042610f},
+    {0.4505682f, 0.4304772f, 0.4103862f, 1.4719827e-5f, 0.0096584f},
+    {0.3026014f, 0.2973396f, 0.2920779f, 1.8735290e-4f, 0.0107476f},
+    {0.4539508f, 0.4335193f, 0.4130878f, 1.4913634e-4f, 0.0119574f},
+    {0.4565200f, 0.4358438f, 0.4151676f, 1.1695278e-5f, 0.0068708f},
+    {0.3018322f, 0.2966280f, 0.2914238f, 4.5536119e-5f, 0.0106347f},
+    {0.3061050f, 0.3005045f, 0.2949040f, 7.3114003e-5f, 0.0098702f},
+    {0.4766299f, 0.4539940f, 0.4313581f, 8.7823410e-4f, 0.0159304f},
 };
 
 /* 0 if the choice on this machine is the expected one. */
