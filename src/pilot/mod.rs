@@ -6,7 +6,8 @@
 //! twentieth is less than the first round has no race. The pilot's samples are no part of the picture. Its pictures are judged
 //! in `judge`.
 //!
-//! Work is counted in camera paths, each sample at what it costs in most scenes, so that a choice depends on its arguments alone.
+//! Work is counted in camera paths, each sample at what it costs in most scenes, so that a choice depends on its arguments alone. With
+//! a length in seconds the clock ends the race too, where paths are slower than in most scenes.
 
 mod first_sample;
 mod judge;
@@ -346,12 +347,18 @@ pub fn choose_integrator(
             )?);
         }
         let punctual = !scene.parts().lights.is_empty();
-        loop {
-            for runner in runners.iter_mut().filter(|runner| runner.races) {
+        'race: loop {
+            for place in 0..runners.len() {
+                if !runners[place].races {
+                    continue;
+                }
+                if is_late(&runners, horizon, pilot.seconds().1) {
+                    break 'race;
+                }
                 if !go_on() {
                     return Ok(None);
                 }
-                runner.run(&small);
+                runners[place].run(&small);
             }
             let drafts: Vec<Draft> = runners.iter().map(Runner::draft).collect();
             trials = judged(&drafts, small_window, paths / pixels, punctual);
@@ -397,6 +404,21 @@ fn is_over(runners: &[Runner], stay: &[bool], most: f64) -> bool {
     let spent: f64 = runners.iter().map(work).sum();
     let next: f64 = staying().map(work).sum();
     spent + next > most || runners.iter().any(|r| r.samples >= SAMPLES.1) || staying().count() < 2
+}
+
+/// True if a round that goes on as it began, after this number of CPU-seconds, ends after the pilot's share of a limit of time.
+fn is_late(runners: &[Runner], horizon: Horizon, spent: f64) -> bool {
+    let Horizon::Seconds(seconds) = horizon else {
+        return false;
+    };
+    let work = |samples: &dyn Fn(&Runner) -> u32| -> f64 {
+        (runners.iter().map(|r| f64::from(samples(r)) * r.cost)).sum()
+    };
+    let (so_far, end) = (
+        work(&|r| r.samples),
+        work(&|r| if r.races { r.wanted } else { r.samples }),
+    );
+    so_far > 0.0 && spent * end > SHARE * seconds * so_far
 }
 
 /// A contender in the race.

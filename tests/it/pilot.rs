@@ -7,17 +7,37 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
 use opsr::integrator::{Settings, View};
 use opsr::math::UVec2;
+use opsr::pilot::stopwatch::Stopwatch;
 use opsr::pilot::{Contender, Horizon, choose_integrator};
 use opsr::regularise::{AttenuationTable, Rule};
 use opsr::scene::Scene;
 use opsr_lab::gallery::builtin;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 fn view(scene: &Scene) -> View<'_> {
     let frame = UVec2::splat(64);
     View::new(scene, &scene.parts().cameras[0], frame, Window::full(frame))
 }
 
-/// Choices for two CPU-seconds, by counted paths: the same on every machine. docs/lab/auto.md has the errors of all.
+/// Path, levels, bdpt, vcm and sppm.
+fn contenders(seed: u64) -> [Contender; 5] {
+    let contender = |kind: IntegratorKind| Contender {
+        kind,
+        settings: Settings {
+            estimator: kind.estimator(Radius::default()),
+            max_vertices: 12,
+            seed,
+            ..Settings::default()
+        },
+    };
+    let mut levels = contender(Path);
+    levels.settings.rule = Rule::with_table(AttenuationTable::constant(0.1));
+    levels.settings.amounts = Amounts::Roughening(Default::default());
+    let [path, bdpt, vcm, sppm] = [Path, Bdpt, Vcm, Sppm].map(contender);
+    [path, levels, bdpt, vcm, sppm]
+}
+
+/// Choices for the work of about two CPU-seconds, by counted paths: the same on every machine. docs/lab/auto.md has the errors of all.
 #[test]
 fn pilot_chooses_the_integrator_of_the_suite_scenes() {
     let expected = [
@@ -39,21 +59,8 @@ fn pilot_chooses_the_integrator_of_the_suite_scenes() {
     for (name, best) in expected {
         let scene = scene(builtin(name).unwrap());
         for seed in 1..=3 {
-            let contender = |kind: IntegratorKind| Contender {
-                kind,
-                settings: Settings {
-                    estimator: kind.estimator(Radius::default()),
-                    max_vertices: 12,
-                    seed,
-                    ..Settings::default()
-                },
-            };
-            let mut levels = contender(Path);
-            levels.settings.rule = Rule::with_table(AttenuationTable::constant(0.1));
-            levels.settings.amounts = Amounts::Roughening(Default::default());
-            let [path, bdpt, vcm, sppm] = [Path, Bdpt, Vcm, Sppm].map(contender);
-            let contenders = [path, levels, bdpt, vcm, sppm];
-            let horizon = Horizon::Seconds(2.0);
+            let contenders = contenders(seed);
+            let horizon = Horizon::Samples(342);
             let choice = choose_integrator(&contenders, &view(&scene), horizon, &|| true);
             let choice = choice.unwrap().unwrap();
             let names = ["path", "levels", "bdpt", "vcm", "sppm"];
@@ -64,4 +71,29 @@ fn pilot_chooses_the_integrator_of_the_suite_scenes() {
     }
     // Chance decides where two are close.
     assert!(wrong.len() <= 2, "{wrong:#?}");
+}
+
+/// CPU time that is spent before the first small picture stands for a slow machine: a limit of time then has no race, and the scene
+/// decides. A number of samples has one.
+#[test]
+fn race_ends_where_paths_are_slow_and_time_is_short() {
+    let scene = scene(builtin("caustic-box").unwrap());
+    let contenders = contenders(1);
+    for (horizon, races) in [
+        (Horizon::Samples(342), true),
+        (Horizon::Seconds(2.0), false),
+    ] {
+        let pictures = AtomicU32::new(0);
+        let go_on = || {
+            let clock = Stopwatch::start();
+            while pictures.load(Ordering::Relaxed) == 0 && clock.seconds().1 < 0.15 {}
+            pictures.fetch_add(1, Ordering::Relaxed);
+            true
+        };
+        let choice = choose_integrator(&contenders, &view(&scene), horizon, &go_on);
+        let choice = choice.unwrap().unwrap();
+        assert_eq!(!choice.trials.is_empty(), races, "{choice}");
+        assert_eq!(pictures.into_inner() > 1, races, "{choice}");
+        assert_eq!(contenders[choice.best].kind, Vcm, "{choice}");
+    }
 }
