@@ -36,12 +36,19 @@ pub(crate) fn with_a_first_sample(
         ..best.settings.clone()
     };
     let mut integrator = settings.integrator();
+    let start = Instant::now();
     integrator.prepare(&small);
+    // The render does that again.
+    let aim = start.elapsed().as_secs_f64();
     let mut picture = Picture::new(Film::cropped(frame, window)?);
-    let clock = Instant::now();
-    integrator.pass(&small, 0..1, &mut picture);
-    let seconds = clock.elapsed().as_secs_f64() * pixels / window.len() as f64;
-    if seconds <= left {
+    let mut seconds = |sample: u32| {
+        let clock = Instant::now();
+        integrator.pass(&small, sample..sample + 1, &mut picture);
+        clock.elapsed().as_secs_f64() * pixels / window.len() as f64
+    };
+    // One of them may have been interrupted.
+    let sample = seconds(0).min(seconds(1));
+    if start.elapsed().as_secs_f64() + aim + sample <= left {
         return Ok(choice);
     }
     let path = |c: &Contender| c.kind.is_path();
