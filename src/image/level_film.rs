@@ -382,6 +382,16 @@ impl LevelFilm {
         lacking.iter().take_while(enough).count()
     }
 
+    /// The film; what stays has its levels and no pixel.
+    pub(crate) fn take(&mut self) -> Self {
+        let none = Window {
+            h: 0,
+            ..self.window
+        };
+        let blank = Self::new(self.size, none, self.levels);
+        std::mem::replace(self, blank)
+    }
+
     /// Half of the batches, the first two or the others, as a film of two. Its guides are those of all.
     pub(crate) fn half(&self, second: bool) -> Self {
         let first = if second { BATCHES / 2 } else { 0 };

@@ -44,6 +44,15 @@ impl Shown {
     /// The denoiser's picture is mixed with the choice by samples that it has not seen, unless the raw samples are asked for. Fails
     /// where the denoiser does, or lacks albedo and normal.
     pub fn of(picture: &Picture, spec: &Spec, denoiser: Option<&Denoiser>) -> Result<Self, Fault> {
+        Self::made(&mut Cow::Borrowed(picture), spec, denoiser)
+    }
+
+    /// The same. A picture that is owned loses levels and AOVs, unless its files have all levels, before the denoiser takes its memory.
+    fn made(
+        picture: &mut Cow<'_, Picture>,
+        spec: &Spec,
+        denoiser: Option<&Denoiser>,
+    ) -> Result<Self, Fault> {
         let how = spec.resolve();
         let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, how));
         let before = match &resolved {
@@ -61,6 +70,13 @@ impl Shown {
         let needs = || Fault::option("denoise", "needs a render with {aov} albedo,normal");
         let first = first.ok_or_else(needs)?;
         let (albedo, normal) = (first.albedo(), first.normal());
+        let levels = match picture {
+            Cow::Owned(own) if !spec.aovs().contains(&Aov::EachLevel) => {
+                own.aovs = None;
+                own.levels.as_mut().map(|film| Cow::Owned(film.take()))
+            }
+            picture => picture.levels.as_ref().map(Cow::Borrowed),
+        };
         let clean = |noisy: &Buffer| {
             // The network invents light in a black picture.
             if noisy.pixels.iter().all(|p| *p == Rgb::ZERO) {
@@ -68,7 +84,7 @@ impl Shown {
             }
             denoiser.denoise(noisy, &albedo, &normal)
         };
-        let (shown, resolved) = match (&picture.levels, resolved) {
+        let (shown, resolved) = match (levels, resolved) {
             (Some(film), Some(resolved)) if how != Resolve::None => {
                 let resolved = denoise_film(film, how, resolved, clean)?;
                 (resolved.picture.clone(), Some(resolved))
@@ -181,6 +197,15 @@ impl<'a> Outcome<'a> {
     /// Makes the picture. Fails where the denoiser does.
     pub fn finish(self, denoiser: Option<&Denoiser>) -> Result<Finished<'a>, Fault> {
         let shown = Shown::of(&self.picture, &self.spec, denoiser)?;
+        Ok(Finished {
+            outcome: self,
+            shown,
+        })
+    }
+
+    /// The same for files alone: of a picture that is owned and denoised the film and its number of levels stay, all that files need.
+    pub fn finish_files(mut self, denoiser: Option<&Denoiser>) -> Result<Finished<'a>, Fault> {
+        let shown = Shown::made(&mut self.picture, &self.spec, denoiser)?;
         Ok(Finished {
             outcome: self,
             shown,

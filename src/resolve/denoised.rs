@@ -31,6 +31,7 @@ use super::{Resolve, Resolved, gain, resolve_film};
 use crate::image::Buffer;
 use crate::image::level_film::{BATCHES, LevelFilm};
 use crate::math::Vec3A;
+use std::borrow::Cow;
 
 /// Radius in pixels of the tents of N and Q.
 const RADIUS: usize = 4;
@@ -54,33 +55,36 @@ const EPSILON: f32 = 0.01;
 
 /// Mixes the choice among the levels of a film, made with these settings, with the picture of a denoiser, any function of a picture; fails
 /// where that does. A film of fewer than four samples has no batches to judge by: its samples are denoised, and nothing is known of the error.
+/// A film that is owned is gone before the denoiser takes its memory.
 pub(crate) fn denoise_film<E>(
-    film: &LevelFilm,
+    film: Cow<'_, LevelFilm>,
     settings: Resolve,
     resolved: Resolved,
     denoise: impl Fn(&Buffer) -> Result<Buffer, E>,
 ) -> Result<Resolved, E> {
     let complete = film.complete().filter(|film| film.batches() == BATCHES);
-    let Some(film) = complete else {
-        let mut resolved = Resolved::unknown(film);
+    let Some(complete) = complete else {
+        let mut resolved = Resolved::unknown(&film);
+        drop(film);
         resolved.picture = denoise(&resolved.picture)?;
         return Ok(resolved);
     };
     let half = |second: bool| {
-        // The film of a half is gone before the denoiser takes its memory.
-        let (raw, chosen) = {
-            let film = film.half(second);
-            (film.mean(0), resolve_film(&film, settings).picture)
-        };
+        let half = complete.half(second);
+        (half.mean(0), resolve_film(&half, settings).picture)
+    };
+    let ([one, two], all) = ([false, true].map(half), complete.mean(0));
+    drop(complete);
+    drop(film);
+    let half = |(raw, chosen): (Buffer, Buffer)| {
         Ok(Half {
             filtered: denoise(&raw)?,
             chosen,
             raw,
         })
     };
-    let halves = [half(false)?, half(true)?];
-    let filtered = denoise(&film.mean(0))?;
-    Ok(mix(resolved, &filtered, &halves))
+    let halves = [half(one)?, half(two)?];
+    Ok(mix(resolved, &denoise(&all)?, &halves))
 }
 
 /// Pictures of two batches of a film.

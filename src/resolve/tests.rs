@@ -11,6 +11,7 @@ use crate::image::film::Window;
 use crate::image::level_film::{BATCHES, FEATURES, Features, PathLevels};
 use crate::image::relative::{mean_of, relative_errors};
 use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
+use std::borrow::Cow;
 
 fn stream(n: u32) -> IndependentStream {
     Independent { seed: Seed(5) }.stream(crate::math::UVec2::ZERO, n)
@@ -883,13 +884,17 @@ fn squared_error(picture: &Buffer, truth: &Buffer) -> f32 {
 fn mixed(film: &LevelFilm, filter: impl Fn(&Buffer) -> Buffer) -> Resolved {
     let filter = |picture: &Buffer| Ok::<_, ()>(filter(picture));
     let how = Resolve::Default;
-    denoise_film(film, how, resolve_film(film, how), filter).expect("no failure")
+    denoise_film(Cow::Borrowed(film), how, resolve_film(film, how), filter).expect("no failure")
 }
 
 /// A half has the means of its batches, in batches of its own, and the guides of all.
 #[test]
 fn half_of_a_film_is_a_film_of_two_batches() {
-    let (film, _) = ramp([0.4, 0.3, 0.3], [1.0, 1.1, 1.2]);
+    let (mut film, _) = ramp([0.4, 0.3, 0.3], [1.0, 1.1, 1.2]);
+    let whole = film.clone();
+    assert!(film.take() == whole && film.levels() == whole.levels());
+    assert!(film.window().is_empty());
+    let film = whole;
     for (second, first) in [(false, 0), (true, 2)] {
         let half = film.half(second);
         assert_eq!(half.batches(), 2);
@@ -915,7 +920,7 @@ fn share_of_a_filter_is_that_of_the_least_error() {
     for ratio in [1.0, 2.5] {
         // A filter whose squared error is this multiple of that of the means.
         let off = truth.map(|p| p + Rgb::splat((ratio * variance).sqrt()));
-        let mixed = denoise_film(&film, Resolve::None, raw.clone(), |_| {
+        let mixed = denoise_film(Cow::Borrowed(&film), Resolve::None, raw.clone(), |_| {
             Ok::<_, ()>(off.clone())
         });
         let mixed = mixed.expect("no failure").picture;
@@ -993,7 +998,10 @@ fn failures_of_a_filter_are_handed_on_and_few_samples_are_filtered_as_they_are()
     let how = Resolve::Default;
     let (film, _) = ramp([0.1; 3], [1.0; 3]);
     let resolved = resolve_film(&film, how);
-    assert_eq!(denoise_film(&film, how, resolved, |_| Err("no")), Err("no"));
+    assert_eq!(
+        denoise_film(Cow::Borrowed(&film), how, resolved, |_| Err("no")),
+        Err("no")
+    );
     let frame = crate::math::UVec2::splat(2);
     let empty = LevelFilm::new(frame, Window::full(frame), 3);
     let resolved = mixed(&empty, |picture| picture.map(|p| p + Rgb::ONE));

@@ -6,38 +6,39 @@ use super::listener::Saved;
 use super::output::{command, note, percent};
 use super::render_args::RenderArgs;
 use opsr::image::film::{Film, Window};
+use opsr::integrator::drive::RenderProgress;
 use opsr::integrator::{View, centre};
 use opsr::math::{Rgb, UVec2};
+use opsr::render::Request;
 use opsr::render::files::Outputs;
 use opsr::render::open::Opened;
-use opsr::render::{Output, Request};
-use opsr::resolve::{Statement, unseen_share};
+use opsr::resolve::Statement;
 
 /// A render that has ended.
 pub(super) struct Ended<'a> {
     pub(super) args: &'a RenderArgs,
     pub(super) request: &'a Request<'a>,
     pub(super) opened: &'a Opened,
-    pub(super) output: &'a Output,
+    pub(super) progress: RenderProgress,
     /// Samples of earlier runs, which took no time of this one.
     pub(super) start: u32,
     /// Seconds of earlier runs.
     pub(super) spent: f64,
-    pub(super) saved: &'a Saved<'a>,
+    pub(super) saved: &'a Saved,
 }
 
 impl Ended<'_> {
     fn film(&self) -> &Film {
-        &self.output.picture.film
+        &self.saved.finished.outcome.picture.film
     }
 
     /// Paths of this run.
     fn paths(&self) -> u64 {
-        u64::from(self.output.progress.samples - self.start) * self.film().pixels.len() as u64
+        u64::from(self.progress.samples - self.start) * self.film().pixels.len() as u64
     }
 
     fn seconds(&self) -> f64 {
-        self.output.progress.elapsed.as_secs_f64()
+        self.progress.elapsed.as_secs_f64()
     }
 
     /// Files that were written, with the statistics of the render.
@@ -45,7 +46,7 @@ impl Ended<'_> {
         let (finished, names) = (&self.saved.finished, outputs.names());
         let seconds = self.seconds();
         let rate = match self.paths() {
-            0 if self.output.progress.samples == 0 => "a part of the first sample".to_owned(),
+            0 if self.progress.samples == 0 => "a part of the first sample".to_owned(),
             0 => "no new samples: the checkpoint has as many as were asked for, or more".to_owned(),
             paths => format!("{:.3} million paths/s", paths as f64 / seconds / 1e6),
         };
@@ -68,7 +69,7 @@ impl Ended<'_> {
         if let Some(mean) = finished.mean_error() {
             error += &format!(", mean ± {:.2} %", 100.0 * mean);
         }
-        let unseen = unseen_share(&self.output.picture);
+        let unseen = self.saved.unseen;
         if unseen >= 0.0005 {
             let percent = 100.0 * unseen;
             error += &format!(", {percent:.1} % of the light found by roughened lobes alone");
@@ -79,7 +80,7 @@ impl Ended<'_> {
         let truth = self.saved.true_error;
         let truth = truth.map_or(String::new(), |e| format!(", true error {}", percent(e)));
         let Window { w, h, .. } = self.film().window;
-        let spp = self.output.progress.samples;
+        let spp = self.progress.samples;
         format!(
             "{names}: {w}x{h}{exposure}{camera}{light}, {spp} spp in {seconds:.2} s, {rate}{error}{truth}"
         )
@@ -155,7 +156,7 @@ impl Ended<'_> {
             "frame": [film.size.x, film.size.y],
             "window": [x, y, w, h],
             "threads": rayon::current_num_threads(),
-            "spp": self.output.progress.samples,
+            "spp": self.progress.samples,
             "seconds": seconds,
             "seconds_of_earlier_runs": self.spent,
             "paths": self.paths(),

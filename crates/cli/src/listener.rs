@@ -16,7 +16,7 @@ use opsr::integrator::drive::RenderProgress;
 use opsr::pilot::witness::Missing;
 use opsr::render::files::Outputs;
 use opsr::render::{Fault, Finished, Outcome, Output, Request};
-use opsr::resolve::stated_error;
+use opsr::resolve::{stated_error, unseen_share};
 use opsr_lab::report::compare::Named;
 use opsr_metric::mean_relative_error;
 use std::borrow::Cow;
@@ -44,8 +44,10 @@ pub(super) struct Run<'a> {
 }
 
 /// Results of a run.
-pub(super) struct Saved<'a> {
-    pub(super) finished: Finished<'a>,
+pub(super) struct Saved {
+    pub(super) finished: Finished<'static>,
+    /// Share of the light that roughened lobes alone find.
+    pub(super) unseen: f64,
     /// Mean relative error beside the reference, where there is one.
     pub(super) true_error: Option<f64>,
     /// Why something is not saved.
@@ -131,23 +133,25 @@ impl<'a> Listener<'a> {
     }
 
     /// Finishes the picture and saves it, the checkpoint and the log. A failure of one does not keep the others from being saved.
-    pub(super) fn close(mut self, output: &Output) -> anyhow::Result<Saved<'_>> {
+    pub(super) fn close(mut self, output: Output) -> anyhow::Result<Saved> {
         let Output {
             picture, progress, ..
         } = output;
         self.bar.finish();
-        let kept = self.checkpoint(progress, picture);
-        let finished = self.finished(picture, progress, output.missing.as_ref())?;
+        let kept = self.checkpoint(&progress, &picture);
+        let unseen = unseen_share(&picture);
+        let finished = self.finished(Cow::Owned(picture), &progress, output.missing)?;
         let written = self.write(&finished);
         let unwritten = written.err().map(|fault| failure(&fault).into());
         let shown = &finished.shown.picture;
         let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(shown));
         // The log ends with the number of the closing line.
         let stated = finished.statement().mean;
-        let logged = self.log(progress, stated, true_error);
+        let logged = self.log(&progress, stated, true_error);
         let failed = unwritten.or(kept.err()).or(self.unlogged).or(logged.err());
         Ok(Saved {
             finished,
+            unseen,
             true_error,
             failed,
         })
@@ -194,7 +198,7 @@ impl<'a> Listener<'a> {
     fn save(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {
         let unwritten = match self.run.args.save_every {
             Some(_) => {
-                let finished = self.finished(picture, progress, None)?;
+                let finished = self.finished(Cow::Borrowed(picture), progress, None)?;
                 self.write(&finished).err()
             }
             None => None,
@@ -206,13 +210,12 @@ impl<'a> Listener<'a> {
     /// The picture so far as its files hold it.
     fn finished<'p>(
         &self,
-        picture: &'p Picture,
+        picture: Cow<'p, Picture>,
         progress: &RenderProgress,
-        missing: Option<&Missing>,
+        missing: Option<Missing>,
     ) -> anyhow::Result<Finished<'p>> {
         let Run { request, args, .. } = &self.run;
-        let film = Cow::Borrowed(picture);
-        let mut outcome = Outcome::of(request, film, progress.samples, missing.cloned());
+        let mut outcome = Outcome::of(request, picture, progress.samples, missing);
         if !args.reproducible {
             let metadata = &mut outcome.metadata;
             metadata.insert("command".into(), command());
@@ -220,7 +223,7 @@ impl<'a> Listener<'a> {
             let threads = rayon::current_num_threads();
             metadata.insert("threads".into(), threads.to_string());
         }
-        outcome.finish(self.run.denoiser).into_exit()
+        outcome.finish_files(self.run.denoiser).into_exit()
     }
 
     /// Writes the picture's files; a warning names those that another program changed.

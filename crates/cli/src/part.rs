@@ -144,7 +144,7 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     let wanted = wanted.map_err(anyhow::Error::msg).input()?;
     let camera = Some(first.camera);
     let outcome = Outcome::of_film(spec, picture, &wanted, metadata, camera).into_exit()?;
-    let finished = outcome.finish(denoiser.as_ref()).into_exit()?;
+    let finished = outcome.finish_files(denoiser.as_ref()).into_exit()?;
     outputs.write(&finished).into_exit()?;
     let Window { w, h, .. } = finished.outcome.picture.film.window;
     let (names, parts) = (outputs.names(), args.parts.len());

@@ -233,12 +233,13 @@ impl RenderJob<'_> {
                 "stopped within the first sample: the picture holds what was done of it, and no checkpoint is made"
             );
         }
-        let saved = listener.close(&output)?;
+        let (progress, reason) = (output.progress, output.reason);
+        let saved = listener.close(output)?;
         let ended = Ended {
             args,
             request: &request,
             opened: self.opened,
-            output: &output,
+            progress,
             start,
             spent,
             saved: &saved,
@@ -251,7 +252,7 @@ impl RenderJob<'_> {
             return Err(error);
         }
         ended.report(&self.outputs);
-        Ok(if output.reason == Reason::Stopped || samples == 0 {
+        Ok(if reason == Reason::Stopped || samples == 0 {
             Exit::Stopped
         } else {
             Exit::Done

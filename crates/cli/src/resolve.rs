@@ -40,7 +40,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         return Err(what).input();
     }
     let outcome = Outcome::of_film(spec, film.picture, &[], film.metadata, None).into_exit()?;
-    let finished = outcome.finish(denoiser.as_ref()).into_exit()?;
+    let finished = outcome.finish_files(denoiser.as_ref()).into_exit()?;
     outputs.write(&finished).into_exit()?;
     Ok(())
 }
