@@ -12,7 +12,7 @@ const REACH: f32 = 2.2;
 const NORMAL: f32 = 10.0;
 
 /// Difference of reflectance that counts as one standard deviation.
-const ALBEDO: f32 = 0.05;
+const ALBEDO: f32 = 0.1;
 
 /// Share of a length that counts as one standard deviation of lengths.
 const LENGTH: f32 = 0.02;

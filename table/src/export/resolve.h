@@ -361,7 +361,7 @@ static float opsr_alike(const opsr_film *f, opsr_guide g, int x, int y, float sc
         float d = OPSR_F(x, y, g.at + i) - OPSR_F(g.x, g.y, g.at + i);
         normals += d * d;
         if (g.first) {
-            d = (OPSR_F(x, y, 8 + i) - OPSR_F(g.x, g.y, 8 + i)) / 0.05f;
+            d = (OPSR_F(x, y, 8 + i) - OPSR_F(g.x, g.y, 8 + i)) / 0.1f;
             e += 0.5f * d * d;
         }
     }
