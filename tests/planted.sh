@@ -267,11 +267,13 @@ plant "resolve: two batches count as four" src/resolve/tiles.rs \
 plant "resolve: two batches are believed as four" src/resolve/layer.rs \
     's/SIGNIFICANT \* BATCHES as f32 \/ b/SIGNIFICANT/' lib::resolve::tests::an_even_floor_has_no_pepper
 plant "resolve: a denoised picture of two samples states an error" src/resolve/denoised.rs \
-    's/Resolved::unknown\(film\)/resolved/' \
+    's/Resolved::unknown\(&film\)/resolved/' \
     lib::resolve::tests::failures_of_a_filter_are_handed_on_and_few_samples_are_filtered_as_they_are
 plant "resolve: a denoiser is judged by the samples that it has seen" src/resolve/denoised.rs \
     's/one \* \(a - other\) \+ two \* \(b - raw\)/one * (a - raw) + two * (b - other)/' \
     lib::resolve::tests::a_filter_is_believed_as_far_as_it_is_right
+plant "pilot: no clock ends a race" src/pilot/mod.rs \
+    's/so_far > 0\.0 && spent/so_far < 0.0 \&\& spent/' pilot::race_ends_where_paths_are_slow_and_time_is_short
 plant "resolve: a denoised picture is as noisy as its halves" src/resolve/denoised.rs \
     's/ - 0\.25 \* \(a - b\) \* \(one - two\)//' lib::resolve::tests::share_of_a_filter_is_that_of_the_least_error
 plant "photons: lists of light paths double" src/integrator/bidirectional/photons.rs \

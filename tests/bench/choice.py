@@ -4,7 +4,7 @@
     python3 suites/unseen.py scenes unseen && python3 suites/unseen.py references unseen
     python3 tests/bench/choice.py unseen 256x192 16,64 OLD NEW ["OPTIONS OF RENDER"]
 
-OLD renders a film of each scene of the folder, .pbrt and .glb, that has a reference NAME-WIDTH.exr, and both programs resolve it. A line
+OLD renders a film of each scene of the folder, .pbrt, .xml, .glb and .gltf, that has a reference NAME-WIDTH.exr, and both programs resolve it. A line
 for each film: FLIP, mean relative error and relMSE without the worst 0.1 %, new over old; pepper, old and new; the energy of the new
 picture over that of the reference. Pepper is the share of the pixels more than 3 % off the median of the 5x5 around them, of those where the
 median of the reference differs by less than 15 % within 7x7. Needs numpy and OpenEXR.
@@ -43,7 +43,7 @@ def main(folder, size, counts, old, new, options=""):
     error_map.PROGRAM = new
     for samples in counts.split(","):
         rows = []
-        for scene in sorted(path for path in Path(folder).iterdir() if path.suffix in (".pbrt", ".glb")):
+        for scene in sorted(path for path in Path(folder).iterdir() if path.suffix in (".pbrt", ".xml", ".glb", ".gltf")):
             reference = scene.with_name(f"{scene.stem}-{size.split('x')[0]}.exr")
             if not reference.exists():
                 continue
