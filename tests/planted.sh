@@ -273,7 +273,7 @@ plant "resolve: a denoiser is judged by the samples that it has seen" src/resolv
     's/one \* \(a - other\) \+ two \* \(b - raw\)/one * (a - raw) + two * (b - other)/' \
     lib::resolve::tests::a_filter_is_believed_as_far_as_it_is_right
 plant "pilot: no clock ends a race" src/pilot/mod.rs \
-    's/so_far > 0\.0 && spent/so_far < 0.0 \&\& spent/' pilot::race_ends_where_paths_are_slow_and_time_is_short
+    's/so_far > 0\.0 && before/so_far < 0.0 \&\& before/' pilot::race_ends_where_paths_are_slow_and_time_is_short
 plant "resolve: a denoised picture is as noisy as its halves" src/resolve/denoised.rs \
     's/ - 0\.25 \* \(a - b\) \* \(one - two\)//' lib::resolve::tests::share_of_a_filter_is_that_of_the_least_error
 plant "photons: lists of light paths double" src/integrator/bidirectional/photons.rs \

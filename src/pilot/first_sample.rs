@@ -41,14 +41,14 @@ pub(crate) fn with_a_first_sample(
     // The render does that again.
     let aim = start.elapsed().as_secs_f64();
     let mut picture = Picture::new(Film::cropped(frame, window)?);
-    let mut seconds = |sample: u32| {
+    let mut fits = |sample: u32| {
         let clock = Instant::now();
         integrator.pass(&small, sample..sample + 1, &mut picture);
-        clock.elapsed().as_secs_f64() * pixels / window.len() as f64
+        let seconds = clock.elapsed().as_secs_f64() * pixels / window.len() as f64;
+        start.elapsed().as_secs_f64() + aim + seconds <= left
     };
-    // One of them may have been interrupted.
-    let sample = seconds(0).min(seconds(1));
-    if start.elapsed().as_secs_f64() + aim + sample <= left {
+    // The first may have been interrupted.
+    if fits(0) || fits(1) {
         return Ok(choice);
     }
     let path = |c: &Contender| c.kind.is_path();

@@ -347,12 +347,13 @@ pub fn choose_integrator(
             )?);
         }
         let punctual = !scene.parts().lights.is_empty();
+        let before = pilot.seconds().1;
         'race: loop {
             for place in 0..runners.len() {
                 if !runners[place].races {
                     continue;
                 }
-                if is_late(&runners, horizon, pilot.seconds().1) {
+                if is_late(&runners, horizon, [before, pilot.seconds().1]) {
                     break 'race;
                 }
                 if !go_on() {
@@ -406,8 +407,9 @@ fn is_over(runners: &[Runner], stay: &[bool], most: f64) -> bool {
     spent + next > most || runners.iter().any(|r| r.samples >= SAMPLES.1) || staying().count() < 2
 }
 
-/// True if a round that goes on as it began, after this number of CPU-seconds, ends after the pilot's share of a limit of time.
-fn is_late(runners: &[Runner], horizon: Horizon, spent: f64) -> bool {
+/// True if a round that goes on as it began ends after the pilot's share of a limit of time. `before` and `now` are the CPU-seconds of the
+/// process, of all its threads, at the start of the race and now.
+fn is_late(runners: &[Runner], horizon: Horizon, [before, now]: [f64; 2]) -> bool {
     let Horizon::Seconds(seconds) = horizon else {
         return false;
     };
@@ -418,7 +420,7 @@ fn is_late(runners: &[Runner], horizon: Horizon, spent: f64) -> bool {
         work(&|r| r.samples),
         work(&|r| if r.races { r.wanted } else { r.samples }),
     );
-    so_far > 0.0 && spent * end > SHARE * seconds * so_far
+    so_far > 0.0 && before + (now - before) * end / so_far > SHARE * seconds
 }
 
 /// A contender in the race.

@@ -89,7 +89,10 @@ impl Shown {
                 let resolved = denoise_film(film, how, resolved, clean)?;
                 (resolved.picture.clone(), Some(resolved))
             }
-            (_, resolved) => (clean(&before)?, resolved),
+            (films, resolved) => {
+                drop(films);
+                (clean(&before)?, resolved)
+            }
         };
         Ok(Self {
             picture: shown,

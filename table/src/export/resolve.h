@@ -577,7 +577,7 @@ static opsr_candidate *opsr_add(opsr_candidate *all, int *count, size_t n, int l
     return new_one->light && (!missing || new_one->missing) ? new_one : NULL;
 }
 
-/* Standard deviations of blurs in pixels. That of 6 is for P alone: one of `rest` from every third pixel of that of 1.5. */
+/* Standard deviations of blurs in pixels. That of 6 is for P alone, made of that of 1.5 by every third pixel. */
 static const float opsr_blurs[4] = {0.7f, 1.5f, 3.0f, 6.0f};
 
 /* P as it is, and blurred without its fireflies. */
@@ -600,12 +600,12 @@ static int opsr_of_shared(const opsr_film *f, opsr_candidate *all, int *count) {
         one = opsr_add(all, count, n, 0, s + 1, s + 1, s < 3 ? s + 2 : -1, 0);
         failed = !one;
         if (!one) break;
-        float rest = sqrtf(opsr_blurs[s] * opsr_blurs[s] - opsr_blurs[1] * opsr_blurs[1]);
+        float square = opsr_blurs[s] * opsr_blurs[s], base = opsr_blurs[1] * opsr_blurs[1];
         one->dark_side = 1;
         if (s < 3)
             opsr_blur(f, 1, opsr_blurs[s], 1, capped, one->light);
         else
-            opsr_blur(f, 1, rest, 3, all[2].light, one->light);
+            opsr_blur(f, 1, sqrtf(square - base), 3, all[2].light, one->light);
     }
     free(caps);
     free(capped);

@@ -334,7 +334,7 @@ impl Job<'_> {
         }
         // Rounded numbers would give other averages when they are read again.
         outcome.spec.exr = None;
-        let finished = outcome.finish(self.denoiser.as_ref()).into_exit()?;
+        let finished = outcome.finish_files(self.denoiser.as_ref()).into_exit()?;
         if let Some(file) = kept {
             if let Some(folder) = file.parent() {
                 files::create_folder(folder).output()?;
