@@ -413,13 +413,11 @@ fn is_late(runners: &[Runner], horizon: Horizon, [before, now]: [f64; 2]) -> boo
     let Horizon::Seconds(seconds) = horizon else {
         return false;
     };
-    let work = |samples: &dyn Fn(&Runner) -> u32| -> f64 {
+    let work = |samples: fn(&Runner) -> u32| -> f64 {
         (runners.iter().map(|r| f64::from(samples(r)) * r.cost)).sum()
     };
-    let (so_far, end) = (
-        work(&|r| r.samples),
-        work(&|r| if r.races { r.wanted } else { r.samples }),
-    );
+    let so_far = work(|r| r.samples);
+    let end = work(|r| if r.races { r.wanted } else { r.samples });
     so_far > 0.0 && before + (now - before) * end / so_far > SHARE * seconds
 }
 
