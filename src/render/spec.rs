@@ -252,8 +252,9 @@ macro_rules! options {
 }
 
 options! {
-    /// Surroundings: a map (.hdr, .exr), `studio`, `sky` or `none`. Maps are equirectangular; `studio` has soft lamps, grey walls
-    /// and a floor, `sky` is a clear sky with its sun. Without it `studio` for a scene that has no light, else `none`.
+    /// Surroundings: a map (.hdr, .exr), `studio`, `sky` or `none`. Maps are equirectangular; `studio` has soft lamps,
+    /// grey walls and a floor; `sky` is a clear sky with its sun. By default `studio` for a scene without light, else
+    /// `none`.
     env: PathBuf, Light { value: "FILE|NAME", common: true }
     /// Sun of `--env sky`: its height and its angle to the right of the front, in degrees, and the haze. A haze of 2 is a very clear
     /// sky, 3 the default, 10 a hazy one.
@@ -263,97 +264,104 @@ options! {
     /// Rotation of the environment about the vertical axis, in degrees.
     env_rotation: f32, Light { value: "DEGREES", default: Some("0") }
 
-    /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model. Without it
-    /// `beckmann`, or what a pbrt or Mitsuba scene says.
+    /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model. By default
+    /// that of a pbrt or Mitsuba scene, else `beckmann`.
     distribution: Distribution, Scene { value: "DISTRIBUTION" }
-    /// Parts of a pbrt or Mitsuba scene that are not supported. `nearest` shows the nearest surface or texture, with a warning, and
-    /// refuses to leave out lamps, media and shapes; `skip` leaves them out; `error` refuses all.
+    /// What to do with unsupported parts of a pbrt or Mitsuba scene. `nearest` replaces surfaces and textures by the
+    /// nearest supported ones, with a warning, and refuses to leave out lamps, media and shapes; `skip` leaves them
+    /// out; `error` refuses all.
     unsupported: Unsupported, Scene { value: "UNSUPPORTED", default: Some("nearest") }
-    /// Closed meshes that transmit without a thickness, such as glass from Blender, as solid bodies or as thin walls. Without it
-    /// they are bodies in files from Blender, else walls.
+    /// Show closed meshes that transmit without a thickness, such as glass from Blender, as solid bodies or as thin
+    /// walls. By default they are bodies in files from Blender, else walls.
     glass: Glass, Scene { value: "GLASS" }
-    /// Variant of the materials, by name or number (from 0).
+    /// Material variant, by name or number (from 0).
     variant: NameOrNumber, Scene { value: "NAME" }
-    /// Moment of the animations to show: seconds from their start, such as 0.5s, or a frame (from 0) and frames per second, such as
-    /// 12@24. Without it the scene is at rest.
+    /// Moment of the animations: seconds from their start, such as 0.5s, or a frame (from 0) and frames per second,
+    /// such as 12@24. By default the scene is at rest.
     at: Moment, Scene { value: "SECONDS|FRAME@FPS" }
 
-    /// Size of the picture, such as 1280x720, 50% or 1/2. A share is of the size without this option: 512 rows, as wide as the
-    /// camera asks for.
+    /// Size of the picture, such as 1280x720, 50% or 1/2. A share is relative to the default size: 512 rows, and a
+    /// width that fits the camera.
     size: Size, Camera { value: "WxH|SHARE", effect: Effect::Frame, common: true }
-    /// Render only this part of the picture; each number in pixels, or a share of width or height such as 25% or 1/4.
+    /// Render only this part of the picture. Each number is in pixels, or a share of width or height such as 25% or
+    /// 1/4.
     crop: Crop, Camera { value: "X,Y,W,H", effect: Effect::Frame }
-    /// Camera: a name, a number, a file or numbers. Cameras of the scene count from 0. A file is one of `opsr view` (.json). The ten
-    /// numbers are X,Y,Z of position, target and up and the vertical field of view in degrees. Two more shift the picture, in halves of its
-    /// height.
+    /// Camera: a name, a number, a file or numbers. Cameras of the scene are numbered from 0. A file is a view that
+    /// `opsr view` saved (.json). The ten numbers are X,Y,Z of position, target and up, and the vertical field of view
+    /// in degrees. Two more shift the picture, in halves of its height.
     camera: CameraChoice, Camera { value: "NAME|FILE|NUMBERS", common: true }
-    /// Lens of the camera: its radius and the distance in focus along the view, in units of the scene. Without a distance it is that
-    /// of the file's lens; 0 leaves a lens of the file out.
+    /// Lens of the camera: its radius and the distance in focus along the view direction, in units of the scene. The
+    /// default distance is that of the file's lens; radius 0 removes the lens of the file.
     lens: LensChoice, Camera { value: "RADIUS,DISTANCE" }
 
-    /// Samples per pixel. Without --spp, --time and --target-error: 128.
+    /// Samples per pixel. 128 if --spp, --time and --target-error are all absent.
     spp: u32, Stop { value: "N", range: Range::COUNT, effect: Effect::Samples, common: true }
     /// Stop after this long, such as 60s or 5min.
     time: Duration, Stop { value: "TIME", effect: Effect::Samples, common: true }
-    /// Stop when the average error is below this. 0.05 is 5 %: the mean over pixels of the absolute error over the light. It goes on
-    /// while few bright samples decide.
+    /// Stop when the average error is below this. 0.05 is 5 %: the mean over pixels of the absolute error over the
+    /// light. The render continues while a few bright samples dominate the estimate.
     target_error: f32, Stop { value: "X", range: Range::POSITIVE, effect: Effect::Samples, common: true }
 
-    /// The algorithm that estimates the picture. Beside a table or a detail of a method `path` is the default.
+    /// The algorithm that estimates the picture. With a table or a detail of a method the default is `path`.
     integrator: IntegratorKind, Method { value: "INTEGRATOR", default: Some("auto"), common: true }
-    /// Learned attenuation factors: a table, or one factor. A table is a file, or beta-0.001 or beta-0.05, which the program contains.
-    /// One factor in [0, 1] is that of all paths; 0 is plain path tracing.
+    /// Learned attenuation factors: a table, or one factor. A table is a file, or beta-0.001 or beta-0.05, which the
+    /// program contains. One factor in [0, 1] applies to all paths; 0 is plain path tracing.
     table: TableChoice, Method { flag: Some("opsr-table"), value: "TABLE|X", effect: Effect::As("table_sha256"), of: &[Path, Guided, Bdpt, Vcm, Mlt, Auto], common: true }
-    /// Smoothing of a picture of several levels, or of plain path tracing, bdpt or vcm; `raw` renders any picture as the means of
-    /// its samples alone. Without it `default`.
+    /// How to smooth pictures of several levels, or of plain path tracing, bdpt or vcm. `raw` gives the means of the
+    /// samples, with any integrator. If absent, `default`.
     resolve: ResolveChoice, Method { value: "HOW", of_levels: true, of_film: true }
-    /// Scattering vertices of the longest path.
+    /// Largest number of scattering vertices of a path.
     max_vertices: u32, Method { value: "N", default: Some("16"), range: Range::from(1.0, 65536.0) }
     /// Seed of all random numbers. The same seed gives a bit-identical picture.
     seed: u64, Method { value: "N", default: Some("0"), common: true }
 
-    /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
-    /// table, such as 0,0.25,1. Level 0 is plain path tracing; `none` renders the table as it is, with blurs. Without it four where
-    /// a table can have them: not with mode, consistent or another integrator. Of sppm factors on its radius, 1,2,4 if not given.
+    /// Levels of roughening on the same paths; every pixel gets the best one. Give their number, or the scales of the
+    /// table, such as 0,0.25,1. Level 0 is plain path tracing; `none` renders the table as it is, with blurs. The
+    /// default with a table is four, but none with mode, consistent or another integrator. For sppm the numbers are
+    /// factors on its radius, by default 1,2,4.
     levels: Levels, Research { value: "N|SCALES|none", effect: Effect::As("levels") }
-    /// Multiply the table's factors by this, instead of the scale that the table carries.
+    /// Factor on all factors of the table, instead of the scale in its file.
     table_scale: f32, Research { value: "X", range: Range::POSITIVE, needs: &["table"] }
-    /// Look-up of the factors, instead of the one that the table was learned for.
+    /// Look-up of the factors, instead of the one for which the table was learned.
     lookup: Lookup, Research { value: "LOOKUP", needs: &["table"] }
     /// Rule of regularisation.
     mode: Mode, Research { value: "RULE", default: Some("default") }
-    /// Let the bias vanish: sample n roughens by n^-X of the full amount, X in (0, 0.5); 1/6 if no number is given.
+    /// Make the bias vanish with the number of samples: sample n roughens by n^-X of the full amount, X in (0, 0.5);
+    /// 1/6 without a number.
     consistent: f32, Research { value: "X", bare: Some("0.16666667"), range: Range::between(0.0, 0.5), needs: &["table"] }
     /// Filter value of filter-glossy; 1 if not given.
     filter: f32, Research { value: "X", range: Range::POSITIVE }
-    /// Roughen the paths that a guide learns from, and not those of the picture.
+    /// Roughen only the paths from which a guide learns, not those of the picture.
     unbiased: bool, Research { needs: &["table"], of: &[Guided] }
-    /// Trials of manifold sampling for a point of a light; 0, the default, for as many as an unbiased picture takes.
+    /// Trials of manifold sampling for each light point; 0, the default, for as many as an unbiased picture needs.
     trials: u32, Research { value: "N", range: Range::from(0.0, 65536.0), of: &[Manifold] }
-    /// First radius within which the photons of vcm and sppm count, in the scene's units; twice a pixel's footprint if
-    /// not given.
+    /// Initial radius within which the photons of vcm and sppm count, in units of the scene; by default twice a pixel's
+    /// footprint.
     radius: f32, Research { value: "R", range: Range::POSITIVE, of: &[Vcm, Sppm, Auto] }
-    /// Shrinking of that radius: in sample n it is n^((A − 1)/2) of the first, A in (0, 1]; 2/3 if not given.
+    /// Exponent with which that radius shrinks: in sample n it is n^((A − 1)/2) of the initial one, A in (0, 1]; by
+    /// default 2/3.
     radius_alpha: f32, Research { value: "A", range: Range::above(0.0, 1.0), of: &[Vcm, Sppm, Auto] }
-    /// Connections of vcm; all if not given.
+    /// Connections of vcm; by default all.
     connections: Connections, Research { value: "CONNECTIONS", of: &[Vcm, Auto] }
-    /// Mutations per pixel of one sample of mlt; 16 if not given.
+    /// Mutations per pixel in one sample of mlt; by default 16.
     mlt_pass: u32, Research { value: "N", range: Range::from(1.0, 65536.0), of: &[Mlt] }
     /// Show one strategy of bdpt or vcm with its weights: S vertices from the light and T from the camera, both ends
-    /// included, such as 0,3 (a light that the camera meets), 1,2 (light sampling) or 3,1 (light tracing); or `merges` of
-    /// vcm. The pictures of all strategies add up to the whole.
+    /// included, such as 0,3 (a camera path that hits a light), 1,2 (light sampling) or 3,1 (light tracing); or
+    /// `merges` of vcm. The pictures of all strategies add up to the whole picture.
     strategy: Strategy, Research { value: "S,T|merges", excludes: &["table"], of: &[Bdpt, Vcm] }
-    /// Random numbers of paths; those of guided and mlt are independent, and all in a suite that does not say.
+    /// Random numbers of paths. guided and mlt always use independent ones, and a suite does by default.
     sampler: SamplerKind, Research { value: "KIND", default: Some("sobol"), of: &[Path, Manifold, Light, Bdpt, Vcm, Sppm, Auto] }
 
-    /// Add layers to EXR files; by default albedo, normal, depth. `each-level` adds every level as a layer `level0`, `level1` and so on.
+    /// Add layers to EXR files; by default albedo, normal, depth. `each-level` adds every level as a layer: `level0`,
+    /// `level1` and so on.
     aov: Layers, Files { value: "LAYERS", bare: Some(Layers::USUAL), effect: Effect::Files, common: true }
-    /// Denoise the picture with Open Image Denoise 2. It is looked for in the folder OIDN_DIR and in the system's library
-    /// path. Its picture is mixed with the one that was chosen among levels and blurs, where samples that it has not seen say that it helps;
-    /// `--resolve raw` shows it alone. EXR files keep the picture before it as the layer `noisy`.
+    /// Denoise the picture with Open Image Denoise 2. The library is searched for in the folder OIDN_DIR and in the
+    /// system's library path. The denoised picture is blended with the resolved one where samples that it has not seen
+    /// show that it helps; `--resolve raw` gives the denoised picture alone. EXR files keep the picture before
+    /// denoising as the layer `noisy`.
     denoise: bool, Files { common: true, of_film: true }
-    /// Brightness of PNG files in stops. `auto` puts the 90th percentile of the luminance at 65 % of white, and brightens nothing
-    /// in the built-in studio; `none` is 0.
+    /// Brightness of PNG files in stops. `auto` puts the 90th percentile of the luminance at 65 % of white, but never
+    /// brightens the built-in studio; `none` is 0.
     exposure: Exposure, Files { value: "STOPS|auto|none", default: Some("auto"), effect: Effect::Files, of_film: true, common: true }
     /// View transform of PNG files.
     view: ViewTransform, Files { value: "VIEW", default: Some("srgb"), effect: Effect::Files, of_film: true, common: true }

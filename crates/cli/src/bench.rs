@@ -12,8 +12,8 @@ use super::stop::Stop;
 
 const EXAMPLE: &str = "\
 A suite:
-  baseline = \"plain\"        # the first method if not given
-  seeds = 5                 # fewer get no verdict
+  baseline = \"plain\"        # by default the first method
+  seeds = 5                 # with fewer there is no verdict
   times = [0.5, 1, 2, 4]    # seconds after which errors are recorded
   samples = [4, 16]         # and samples per pixel
   clock = \"cpu\"             # CPU time over threads, for machines with other work; or \"wall\"
@@ -26,9 +26,9 @@ A suite:
   # distribution, environment = \"sky.hdr\", reference_integrator = \"bdpt\"
   [[method]]
   name = \"learned\"
-  table = \"beta-0.001\"      # or 0.1; and the other options of a render, by their names with underscores:
-                            # mode, levels, resolve, integrator, denoise, ...; none is plain path tracing
-  # integrator = \"vcm\"      # of a method, with details such as radius = 0.1: integrators and keys of `opsr render --help`";
+  table = \"beta-0.001\"      # or 0.1; other options of a render have their names, with underscores:
+                            # mode, levels, resolve, integrator, denoise and so on; without any, plain path tracing
+  # integrator = \"vcm\"      # and details such as radius = 0.1: see the integrators and keys of `opsr render --help`";
 
 /// Options of `opsr bench`.
 #[derive(Args, Debug)]
@@ -36,10 +36,10 @@ A suite:
 pub(super) struct BenchArgs {
     /// The suite: scenes, methods, seeds, time points (.toml).
     suite: PathBuf,
-    /// File of the results (.json). Measurements that it already holds are kept, not repeated.
+    /// File of the results (.json). Measurements that it already holds are not repeated.
     #[arg(short, long, value_name = "FILE", default_value = "results.json")]
     output: PathBuf,
-    /// Number of threads; without it as many as there are cores.
+    /// Number of threads; by default the number of cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
 }

@@ -34,7 +34,7 @@ pub(super) struct CompareArgs {
     /// Write error maps in false colours (.png) to this folder
     #[arg(long, value_name = "DIR")]
     maps: Option<PathBuf>,
-    /// Write one HTML file to flip and zoom between the pictures
+    /// Write one HTML page to flip between the pictures and zoom in
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
     /// Exposures of the page in stops
@@ -49,10 +49,10 @@ pub(super) struct CompareArgs {
     /// Exposure of LDR-FLIP in stops
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_parser = super::options::finite)]
     exposure: f32,
-    /// Pixels per degree of sight, for FLIP
+    /// Pixels per degree of visual angle, for FLIP
     #[arg(long, default_value_t = DEFAULT_PPD, value_parser = pixels_per_degree)]
     ppd: f64,
-    /// The pictures are renders of one scene with several seeds: tell bias and variance apart
+    /// The pictures are renders of one scene with several seeds: separate bias from variance
     #[arg(long)]
     seeds: bool,
     /// Test whether picture and reference agree up to their noise, which both files must hold; exit with code 6 if not

@@ -24,7 +24,7 @@ pub(super) struct InfoArgs {
     scene: PathBuf,
     #[command(flatten)]
     options: SceneOptions,
-    /// Say what the ray through the centre of this pixel meets, instead.
+    /// Print only what the ray through the centre of this pixel hits.
     #[arg(long, value_name = "X,Y", value_parser = pixel)]
     pixel: Option<Pixel>,
     /// Print JSON.

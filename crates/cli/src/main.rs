@@ -61,7 +61,7 @@ struct Args {
 const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 an input file is missing, damaged or not \
 supported; 4 a result could not be written; 5 stopped by the user or within the first sample, the \
 results so far are saved; 6 pictures differ by more \
-than `opsr compare` was told to allow; 7 there is not enough memory, which is found out before it is taken.";
+than `opsr compare` may allow; 7 not enough memory, which is checked before it is allocated.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -69,7 +69,7 @@ enum Command {
     Render(Box<render_args::RenderArgs>),
     /// Render a part of a picture, for `opsr merge`.
     Part(Box<part::PartArgs>),
-    /// Put the parts of a render together.
+    /// Merge the parts of a render.
     Merge(Box<part::MergeArgs>),
     /// Average the frames of an animation along their surfaces.
     Film(Box<film::FilmArgs>),
@@ -80,7 +80,7 @@ enum Command {
     /// Learn tables of attenuation factors.
     #[cfg(feature = "train")]
     Train(Box<train::TrainArgs>),
-    /// Trace the paths of a training before it, for instance on several machines.
+    /// Trace the paths for a training in advance, for instance on several machines.
     #[cfg(feature = "train")]
     Record(Box<train::record::RecordArgs>),
     /// Describe a scene: geometry, materials, lights, cameras, warnings.
@@ -89,9 +89,9 @@ enum Command {
     Convert(Box<convert::Args>),
     /// Compare pictures with a reference.
     Compare(Box<compare::CompareArgs>),
-    /// Write scenes of the program, and render references of those of the training.
+    /// Write built-in scenes, and render references of the training scenes.
     Scenes(scenes::ScenesArgs),
-    /// Measure methods against each other on scenes with references.
+    /// Compare methods on scenes with references.
     Bench(bench::BenchArgs),
     /// Show a table of attenuation factors, or write it for another renderer.
     Table(table::TableArgs),

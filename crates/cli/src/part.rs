@@ -25,15 +25,15 @@ use std::path::PathBuf;
 pub(super) struct PartArgs {
     /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt), Mitsuba (.xml), OBJ or PLY.
     scene: PathBuf,
-    /// File of the part. It is whole or not there at all.
+    /// File of the part. It is either complete or absent.
     #[arg(short, long, value_name = "FILE", required = true)]
     output: PathBuf,
-    /// Samples of the part, of those of the whole picture.
+    /// Samples of the whole picture that this part renders.
     ///
-    /// From number A on (from 0), without B; --spp says the number of the whole picture, on which a choice of the integrator depends.
-    /// Any split of the samples, of the picture by --crop, or of both will do. A part that begins after sample 0 keeps every
-    /// sample, 12 bytes for each of a pixel, 28 more with levels and 12 for each of them; other parts keep only sums: parts of all
-    /// samples of a crop are small.
+    /// From sample A (counted from 0) up to but not including B. --spp gives the number of samples of the whole
+    /// picture, on which the choice of the integrator depends. Split the samples, the picture by --crop, or both. A
+    /// part that begins after sample 0 stores every sample: 12 bytes per pixel, with levels 56 more and 12 for each of
+    /// them. Other parts store only sums, so parts of all samples of a crop are small.
     #[arg(long, value_name = "A..B", value_parser = samples)]
     samples: Option<Range<u32>>,
     #[command(flatten)]
@@ -104,11 +104,11 @@ pub(super) struct MergeArgs {
     /// Parts of one render (`opsr part`), in any order.
     #[arg(value_name = "PART", required = true)]
     parts: Vec<PathBuf>,
-    /// File of the picture: .exr or .png; may be given several times. It has the bytes of the single render with
-    /// --reproducible.
+    /// File of the picture: .exr or .png; may be given several times. It equals that of a single render with
+    /// --reproducible, byte for byte, except for light that only the witness of a single render finds.
     #[arg(short, long, value_name = "FILE", default_value = "out.exr")]
     output: Vec<PathBuf>,
-    /// Samples per pixel that the parts shall make; without it the most that a pixel has.
+    /// Samples per pixel of the complete picture; by default the most that a pixel has.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     spp: Option<u32>,
     #[command(flatten)]

@@ -26,7 +26,7 @@ pub(super) struct ReferenceArgs {
     /// Only this scene; may be given several times.
     #[arg(long = "scene", value_name = "NAME")]
     scenes: Vec<String>,
-    /// Most samples per pixel, including those already in the files.
+    /// Largest number of samples per pixel, including those already in the files.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     spp: Option<u32>,
     /// Finish a crop when its noise (mean relative standard error of its pixels) is below this [default without --spp and

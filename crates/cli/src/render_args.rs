@@ -19,15 +19,15 @@ pub(super) struct RenderArgs {
 
     /// Frames of the animations, such as 1..48 or 1..48@30.
     ///
-    /// Frame 0 is their start; 24 frames per second unless another number follows the @. Each frame is averaged with those around it
-    /// along the surfaces that they share, which divides noise and flicker. The #### in the names of -o stand for the number; a
-    /// name that ends in .apng gets all frames, for browsers to play.
-    /// Frame N is rendered with the seed --seed + N. --time is for all frames, --checkpoint names a folder.
+    /// Frame 0 is their start. The rate is 24 frames per second unless another number follows the @. Each frame is
+    /// averaged with its neighbours along shared surfaces, which reduces noise and flicker. The number of the frame
+    /// replaces #### in the names of -o; a name that ends in .apng gets all frames, for browsers to play. Frame N is
+    /// rendered with the seed --seed + N. --time is for all frames, --checkpoint names a folder.
     #[arg(long, value_name = "A..B", help_heading = "Scene")]
     pub(super) frames: Option<FrameRange>,
     /// File of the picture, .exr or .png; may be repeated.
     ///
-    /// EXR files are linear and have the variance and other layers.
+    /// EXR files hold linear radiance, the expected error and other layers.
     #[arg(
         short,
         long,
@@ -36,10 +36,10 @@ pub(super) struct RenderArgs {
         help_heading = "Files"
     )]
     pub(super) output: Vec<PathBuf>,
-    /// Leave times out of the files, so that equal renders are equal files.
+    /// Leave times and the command out of the files, so that equal renders give equal files.
     #[arg(long, help_heading = "Files", hide_short_help = true)]
     pub(super) reproducible: bool,
-    /// Show the true error against this picture (root of the relMSE), while rendering and at the end.
+    /// Show the true error against this picture (mean relative error), while rendering and at the end.
     #[arg(
         long,
         value_name = "FILE",
@@ -49,7 +49,8 @@ pub(super) struct RenderArgs {
     pub(super) reference: Option<PathBuf>,
     /// Write statistics to this file; .json at the end, .csv over time. May be given twice.
     ///
-    /// A .json has what the closing line says, and more; a .csv samples, seconds and errors, at most once a second.
+    /// A .json has the content of the closing line, and more; a .csv has samples, seconds and errors, at most once a
+    /// second.
     #[arg(
         long,
         value_name = "FILE",
@@ -60,17 +61,17 @@ pub(super) struct RenderArgs {
 
     /// Write the picture so far this often.
     ///
-    /// Large pictures come more rarely: writing takes at most a fifth of the time.
+    /// Large pictures are written less often: writing takes at most a fifth of the time.
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, help_heading = "Resume", hide_short_help = true)]
     pub(super) save_every: Option<Duration>,
     /// Keep the state of the render in this file.
     ///
-    /// It is written at the end and as often as --save-every says (or every minute).
+    /// It is written at the end and at the interval of --save-every (by default every minute).
     #[arg(long, value_name = "FILE", help_heading = "Resume")]
     pub(super) checkpoint: Option<PathBuf>,
     /// Continue from the checkpoint.
     ///
-    /// One of another scene or of other settings is refused.
+    /// A checkpoint of another scene or of other settings is refused.
     #[arg(long, requires = "checkpoint", help_heading = "Resume")]
     pub(super) resume: bool,
 
@@ -119,10 +120,10 @@ impl RenderArgs {
 /// Options of the program, beside those of a render.
 #[derive(Args, Debug)]
 pub(super) struct ProgramArgs {
-    /// Threads; without it as many as there are cores. The picture does not depend on it.
+    /// Number of threads; by default the number of cores. The picture does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Program", hide_short_help = true)]
     pub(super) threads: Option<u16>,
-    /// Style of the progress display; `auto` ends with a line that says what was written.
+    /// Style of the progress display; `auto` ends with a line that names the written files.
     #[arg(
         long,
         value_enum,

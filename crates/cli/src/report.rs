@@ -16,10 +16,10 @@ use super::exit::{Blame, IntoExit};
 pub(super) struct ReportArgs {
     /// Results of `opsr bench` (.json).
     results: PathBuf,
-    /// The page: one file that needs nothing else.
+    /// The page: one self-contained file.
     #[arg(short, long, value_name = "FILE", default_value = "report.html")]
     output: PathBuf,
-    /// Write the plots also as files (.svg) to this folder.
+    /// Also write the plots as files (.svg) to this folder.
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
 }

@@ -17,12 +17,12 @@ pub(super) struct ScenesArgs {
 
 #[derive(Clone, Debug, clap::Subcommand)]
 enum Action {
-    /// Write the training and validation scenes and their manifest into a folder, or the scenes that are named.
+    /// Write the training and validation scenes and their manifest, or the named scenes, into a folder.
     Write {
-        /// Scenes to write in place of them, without a manifest; a scene with a sky cannot be written.
+        /// Scenes to write instead, without a manifest; a scene with a sky cannot be written.
         #[arg(value_name = "NAME", value_parser = PossibleValuesParser::new(gallery::names()))]
         names: Vec<String>,
-        /// The folder; created if it does not exist, files of the same names are replaced.
+        /// The folder. It is created if it does not exist; files of the same names are replaced.
         #[arg(long, value_name = "DIR", default_value = "training_scenes")]
         out: PathBuf,
     },

@@ -23,7 +23,7 @@ pub(super) struct TableArgs {
 enum Action {
     /// Show the factors of a table and how it was learned.
     ///
-    /// Classes are listed by the number of vertices, each with the roughness bins of its vertices, camera first (0 is
+    /// Classes are listed by the number of vertices. Each has the roughness bins of its vertices, camera first (0 is
     /// smooth, 3 is rough), its factor, and the number of its events in training.
     Show {
         /// The table: a file, or beta-0.001 or beta-0.05, which the program contains.
@@ -31,12 +31,12 @@ enum Action {
         /// Print JSON.
         #[arg(long)]
         json: bool,
-        /// List only the N most visited classes of each length (those with the largest factors for a table without
-        /// training record).
+        /// List only the N most visited classes of each length; for a table without a training record, those with the
+        /// largest factors.
         #[arg(long, value_name = "N")]
         top: Option<usize>,
     },
-    /// Export a table for another renderer, as source code with the whole look-up.
+    /// Export a table for another renderer, as source code with the complete look-up.
     ///
     /// A comment at the head of the source code shows how a renderer calls it. `opsr table show --json` prints the factors
     /// for other programs.
@@ -49,7 +49,7 @@ enum Action {
     Export {
         /// The table: a file, or beta-0.001 or beta-0.05, which the program contains.
         file: PathBuf,
-        /// Format of OUT; by default that of its file name extension.
+        /// Format of OUT; by default chosen by the file name extension.
         #[arg(long, value_enum)]
         format: Option<Form>,
         /// File to write, or `-` for standard output.

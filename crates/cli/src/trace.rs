@@ -27,9 +27,9 @@ pub(super) struct TraceArgs {
     /// The pixel, from the top left.
     #[arg(value_name = "X,Y", value_parser = pixel)]
     pixel: Pixel,
-    /// Print the path of this sample (from 0) only.
+    /// Print only the path of this sample (from 0).
     ///
-    /// Without it those of the first samples, as many as --spp says (or 4).
+    /// By default the paths of the first samples: as many as --spp gives, or 4.
     #[arg(long, value_name = "N")]
     sample: Option<u32>,
     #[command(flatten)]

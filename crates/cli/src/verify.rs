@@ -13,14 +13,14 @@ use std::time::{Duration, Instant};
 /// Options of `opsr verify`.
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Every line is a check: the worst value of its statistic and the bound. Exit code 0 says that all \
-hold and, with --plant, that the fault is found; 1 that something is wrong."
+    after_help = "Every line is a check: the worst value of its statistic and the bound. Exit code 0 means that all \
+hold and, with --plant, that the fault is found; 1 that a check fails."
 )]
 pub(super) struct VerifyArgs {
     /// Print JSON.
     #[arg(long, global = true)]
     json: bool,
-    /// Take the large sizes: minutes instead of seconds.
+    /// Use the large sizes: minutes instead of seconds.
     #[arg(long, global = true)]
     thorough: bool,
     /// Take the sizes of the program's own tests.
@@ -35,27 +35,28 @@ pub(super) struct VerifyArgs {
 enum What {
     /// Hard numerical cases; BSDFs: chi-square of draws, white furnace, reciprocity (the default).
     Numeric,
-    /// Renders against a simple path tracer, which shares no light sampling, weights or roulette with the program's.
+    /// Renders against a simple path tracer that shares no light sampling, weights or roulette with the program.
     Render {
         /// Plant a fault in the simple path tracer; the comparison must find it. `all` plants one after the other.
         #[arg(long, value_name = "FAULT", value_parser = faults())]
         plant: Option<String>,
     },
-    /// Pictures at other numbers of threads, in other passes, and of crops: bit-identical.
+    /// Pictures with other numbers of threads, in other passes, and in crops: bit-identical.
     Determinism,
-    /// Renders stopped at random places and resumed from their checkpoint: bit-identical.
+    /// Renders stopped at random points and resumed from their checkpoints: bit-identical.
     Resume,
-    /// The trainer: gradients against differences; tables at other numbers of threads and resumed; losses.
+    /// The trainer: gradients against finite differences; tables with other numbers of threads and after resuming;
+    /// losses.
     #[cfg(feature = "train")]
     Train,
-    /// Rounds of rendering, saving and learning: memory and bytes stay.
+    /// Rounds of rendering, saving and learning: memory and bytes stay constant.
     Soak {
         /// Duration [default: 20s, with --thorough 1h].
         #[arg(long, value_name = "DURATION", value_parser = humantime::parse_duration)]
         time: Option<Duration>,
     },
-    /// Random options on random small scenes: threads, passes, checkpoints and parts bit-identical, integrators within their
-    /// noise. What disagrees is printed with its seed.
+    /// Random options on random small scenes: threads, passes, checkpoints and parts bit-identical, integrators within
+    /// their noise. Disagreements are printed with their seeds.
     Chaos {
         /// Duration [default: 20s, with --thorough 1h, without --count].
         #[arg(long, value_name = "DURATION", value_parser = humantime::parse_duration)]
@@ -63,7 +64,7 @@ enum What {
         /// Number of combinations.
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
         count: Option<u64>,
-        /// Seed of the first combination; each has the next.
+        /// Seed of the first combination; each further one has the next seed.
         #[arg(long, value_name = "N", default_value_t = 0)]
         seed: u64,
     },

@@ -19,16 +19,16 @@ pub(super) struct ViewArgs {
     scene: PathBuf,
     #[command(flatten)]
     render: RenderOptions,
-    /// Port of the page on this machine; 0 takes one that is free.
+    /// Port of the page on this machine; 0 takes a free one.
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Program")]
     port: u16,
-    /// Print the address of the page and open no browser.
+    /// Print the address of the page, but do not open a browser.
     #[arg(long, help_heading = "Program")]
     no_open: bool,
-    /// Picture to show beside the scene's: an EXR file of the same size and camera.
+    /// Picture to compare with: an EXR file of the same size and camera.
     #[arg(long, value_name = "FILE", help_heading = "Program")]
     reference: Option<PathBuf>,
-    /// Threads; without it as many as there are cores. The picture does not depend on it.
+    /// Number of threads; by default the number of cores. The picture does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Program", hide_short_help = true)]
     threads: Option<u16>,
 }

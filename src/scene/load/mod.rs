@@ -71,13 +71,13 @@ pub struct Formats {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Unsupported {
-    /// Errors, all of them.
+    /// All are errors.
     Error,
-    /// Surfaces and textures are shown as the nearest that are supported, with a warning. Lamps, media and shapes that would be left
-    /// out, and names that nothing has, are errors.
+    /// Surfaces and textures are replaced by the nearest supported ones, with a warning. Unsupported lamps, media and
+    /// shapes, and unknown names, are errors.
     #[default]
     Nearest,
-    /// Warnings, all of them: parts are left out, or shown as the nearest that are supported.
+    /// All are warnings: parts are left out, or replaced by the nearest supported ones.
     Skip,
 }
 

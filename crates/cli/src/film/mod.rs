@@ -29,18 +29,18 @@ use std::path::{Path, PathBuf};
 pub(super) struct FilmArgs {
     /// The scene that the frames show.
     scene: PathBuf,
-    /// Frames that `opsr render` wrote (.exr); #### stand for their numbers.
+    /// Frames that `opsr render` wrote (.exr); #### stands for their numbers.
     frames: PathBuf,
-    /// Numbers of the frames, such as 1..48; without it all that are there.
+    /// Numbers of the frames, such as 1..48; by default all existing files.
     #[arg(long = "frames", value_name = "A..B")]
     range: Option<FrameRange>,
-    /// Files of the averaged frames, .exr or .png, or one of them all, .apng; may be given several times.
+    /// Files of the averaged frames, .exr or .png, or one file of all frames, .apng; may be given several times.
     #[arg(short, long, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
     /// Add the layer `motion`: pixels to the place of a surface in the last frame and in the next.
     #[arg(long)]
     motion: bool,
-    /// Leave the command out of the files, so that equal films are equal files.
+    /// Leave the command out of the files, so that equal films give equal files.
     #[arg(long)]
     reproducible: bool,
     #[command(flatten)]

@@ -39,13 +39,14 @@ pub(super) struct TrainArgs {
     /// Folder of the finished tables.
     #[arg(long, value_name = "DIR", default_value = "params")]
     out: PathBuf,
-    /// Learn from the recordings in this folder, which `opsr record` made with the same settings: all of them, and no others.
+    /// Learn only from the recordings in this folder, which `opsr record` made with the same settings; all must be
+    /// there.
     #[arg(long, value_name = "DIR")]
     recordings: Option<PathBuf>,
     /// Continue from the recordings and checkpoints in the run's folder.
     #[arg(long)]
     resume: bool,
-    /// Replace tables and a run that are there already; without it the program ends with exit code 2.
+    /// Replace existing tables and an existing run; otherwise the program ends with exit code 2.
     #[arg(long)]
     force: bool,
     /// Number of threads; all cores by default. The tables do not depend on it.
@@ -58,14 +59,14 @@ pub(super) struct TrainArgs {
 
 const EXAMPLES: &str = "\
 Examples:
-  opsr train --beta 0.001,0.05 --out mine  ten thousand steps each from one recording: the shipped tables, in mine/
+  opsr train --beta 0.001,0.05 --out mine  the shipped tables, in mine/: ten thousand steps each from one recording
   opsr train --preset fast --beta 0.001    150 large steps: minutes, and nearly as good; params/fast-beta-0.001.json
   opsr train --preset published            from 0.5, as published
   opsr train --preset smoke                one scene, a minute or two; params/smoke-beta-0.001.json
   opsr train --optimiser log --set steps=500 --set 'scenes=[\"rings\", \"basins\"]'
   opsr train --beta 0.001 --out mine --resume   continue after Ctrl-C
 
-The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, metrics.csv, last.ckpt, table.json and best.json (lowest validation loss). Recordings of crops are kept in it until the run is complete.";
+The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, metrics.csv, last.ckpt, table.json and best.json (lowest validation loss). It keeps the recordings of crops until the run is complete.";
 
 impl TrainArgs {
     /// Folder of the run.

@@ -21,10 +21,10 @@ use std::path::PathBuf;
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct RecordArgs {
-    /// Folder of the recordings, one file for each crop. Whole ones that are there are kept.
+    /// Folder of the recordings, one file for each crop. Complete recordings that exist are kept.
     #[arg(long, value_name = "DIR")]
     recordings: PathBuf,
-    /// Numbers of the crops to record, from A (from 0) on, without B; all without it.
+    /// Crops to record, from A (counted from 0) up to but not including B; by default all.
     #[arg(long, value_name = "A..B", value_parser = crops)]
     crops: Option<Range<u32>>,
     #[command(flatten)]
@@ -41,9 +41,9 @@ const EXAMPLES: &str = "\
 Examples:
   opsr record --recordings shared/paths --crops 0..6     on one machine
   opsr record --recordings shared/paths --crops 6..12    on another
-  opsr train --recordings shared/paths --out mine        the tables of the training that records itself
+  opsr train --recordings shared/paths --out mine        the same tables as without recordings
 
-The options of the settings are those of `opsr train`; beta, optimiser, model and steps do not change a recording.";
+The settings are those of `opsr train`; beta, optimiser, model and steps do not change a recording.";
 
 /// Crops such as `3..6`.
 fn crops(text: &str) -> Result<Range<u32>, String> {

@@ -18,7 +18,7 @@ pub(super) struct SettingArgs {
     /// A TOML file of settings, such as the config.toml of an earlier run.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// One setting, such as spp=256; may be given several times and has the last word.
+    /// One setting, such as spp=256; may be given several times and overrides all others.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
 
@@ -37,7 +37,7 @@ pub(super) struct SettingArgs {
     /// Optimiser steps.
     #[arg(long, value_name = "N")]
     steps: Option<u32>,
-    /// Samples per pixel that the tables are learned for.
+    /// Samples per pixel for which the tables are learned.
     #[arg(long, value_name = "N")]
     spp: Option<u32>,
     /// Seed of the recording; the same seed gives bit-identical tables.
