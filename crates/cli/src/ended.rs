@@ -47,7 +47,7 @@ impl Ended<'_> {
         let seconds = self.seconds();
         let rate = match self.paths() {
             0 if self.progress.samples == 0 => "a part of the first sample".to_owned(),
-            0 => "no new samples: the checkpoint has as many as were asked for, or more".to_owned(),
+            0 => "no new samples: the checkpoint already has the requested number".to_owned(),
             paths => format!("{:.3} million paths/s", paths as f64 / seconds / 1e6),
         };
         let exposure = match outputs.has_png() {
@@ -111,7 +111,7 @@ impl Ended<'_> {
                 true => {
                     "no path has found light; `opsr info` names an integrator for the scene's lights and materials"
                 }
-                false => "the camera sees no surface; --camera places another",
+                false => "the camera sees no surface; --camera chooses another view",
             };
             tracing::warn!("the picture is black: {why}");
         }

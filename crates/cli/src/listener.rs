@@ -109,7 +109,7 @@ impl<'a> Listener<'a> {
         }
         self.bar.show(progress, self.true_error);
         if let Err(error) = self.save_now_and_then(progress, picture) {
-            tracing::warn!("{error:#}; the render goes on and tries again");
+            tracing::warn!("{error:#}; the render continues and tries again");
         }
         self.run.stop.flow()
     }

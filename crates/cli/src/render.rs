@@ -73,7 +73,7 @@ pub(super) fn spec(args: &RenderArgs, spec: Spec) -> Result<Spec, Fault> {
     spec.check()?;
     args.check()?;
     if args.reproducible && spec.aovs().contains(&Aov::Time) {
-        let what = "time never makes the same file twice: not with {reproducible}";
+        let what = "times differ from render to render: not with {reproducible}";
         return Err(Fault::option("aov", what));
     }
     Ok(spec)
@@ -130,7 +130,7 @@ pub(super) fn request_silently<'a>(
 fn remark(request: &Request<'_>) {
     if request.method.table_scenes == Some(1) {
         tracing::warn!(
-            "--opsr-table: a table of one scene, such as --preset smoke learns, suits no other"
+            "--opsr-table: a table of one scene, such as that of --preset smoke, does not suit others"
         );
     }
     let ggx = request.spec.distribution == Some(Distribution::Ggx);
@@ -230,7 +230,7 @@ impl RenderJob<'_> {
         }
         if samples == 0 {
             tracing::warn!(
-                "stopped within the first sample: the picture holds what was done of it, and no checkpoint is made"
+                "stopped within the first sample: the picture holds its finished part, and there is no checkpoint"
             );
         }
         let (progress, reason) = (output.progress, output.reason);
@@ -266,7 +266,7 @@ impl RenderJob<'_> {
         }
         if path.exists() {
             let path = path.display();
-            let what = "exists: --resume continues from it; remove it to begin anew";
+            let what = "exists: --resume continues from it; remove it to start again";
             return Err(anyhow!("{path} {what}")).usage();
         }
         Ok(())

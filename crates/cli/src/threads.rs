@@ -12,9 +12,7 @@ pub(super) fn set_threads(threads: Option<u16>) -> anyhow::Result<()> {
         let most = MOST.1.max(MOST.0 * cores);
         let threads = usize::from(threads);
         if threads > most {
-            tracing::warn!(
-                "--threads {threads}: there are {cores} cores; {most} threads are taken"
-            );
+            tracing::warn!("--threads {threads}: there are {cores} cores; {most} threads are used");
         }
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.min(most));
         pool.build_global()

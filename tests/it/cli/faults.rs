@@ -232,7 +232,7 @@ fn a_checkpoint_that_cannot_be_saved_ends_no_render() {
         &format!("{render} --save-every 1ms --checkpoint a.ckpt -o out.png"),
     );
     assert_eq!(ended.code, Some(4), "{}", ended.err);
-    for words in ["the render goes on and tries again", "a.ckpt"] {
+    for words in ["the render continues and tries again", "a.ckpt"] {
         assert!(ended.err.contains(words), "{}", ended.err);
     }
     assert!(place.read("out.png") == place.read("whole.png"));

@@ -224,7 +224,7 @@ fn films_that_cannot_be_are_refused() {
         (
             2,
             format!("{render} -o #.exr --at 1s"),
-            "--at: --frames says the moments",
+            "--at: --frames already sets the moments",
         ),
         (
             2,
@@ -239,7 +239,7 @@ fn films_that_cannot_be_are_refused() {
         (
             2,
             format!("{render} -o #.exr --aov direct"),
-            "--aov: direct is of a frame alone",
+            "--aov: direct describes a single frame",
         ),
         (
             2,
@@ -264,7 +264,7 @@ fn films_that_cannot_be_are_refused() {
         (
             2,
             format!("{render} -o #.exr --checkpoint in_1.exr"),
-            "of frames it is a folder",
+            "with --frames it is a folder",
         ),
         (
             3,

@@ -28,7 +28,7 @@ fn black_picture_of_nothing_names_the_camera() {
     let place = caustics();
     let away = "--camera 0,0,50,0,0,100,0,1,0,40 --spp 1 -o a.exr";
     let ended = place.render(away);
-    let words = "the camera sees no surface; --camera places another";
+    let words = "the camera sees no surface; --camera chooses another view";
     assert!(ended.err.contains(words), "{}", ended.err);
 }
 

@@ -93,11 +93,11 @@ fn checked(args: &RenderArgs) -> Result<(Spec, bool), Fault> {
     ];
     if let Some((name, _)) = given.iter().find(|(_, given)| *given) {
         return Err(Fault::usage(format!(
-            "{name}: of one picture, not beside --frames"
+            "{name}: for one picture, not with --frames"
         )));
     }
     if spec.at.is_some() {
-        return Err(Fault::option("at", "--frames says the moments"));
+        return Err(Fault::option("at", "--frames already sets the moments"));
     }
     if let Some(layer) = spec
         .aovs()
@@ -105,7 +105,7 @@ fn checked(args: &RenderArgs) -> Result<(Spec, bool), Fault> {
         .find(|layer| KEPT.iter().all(|(kept, ..)| kept != *layer))
     {
         let why = format!(
-            "{} is of a frame alone, and is lost where frames are averaged",
+            "{} describes a single frame, and is lost when frames are averaged",
             layer.name()
         );
         return Err(Fault::option("aov", why));
@@ -125,7 +125,7 @@ impl Kept {
         let shown = folder.display();
         if folder.is_file() {
             return Err(anyhow!(
-                "--checkpoint {shown}: of frames it is a folder, and this is a file"
+                "--checkpoint {shown}: with --frames it is a folder, but this is a file"
             ))
             .usage();
         }
@@ -142,7 +142,7 @@ impl Kept {
         };
         let old = old.map_err(|e| anyhow!("{shown}: {e}")).input()?;
         if !resumed && !old.is_empty() {
-            let what = "has frames: --resume continues with them; remove it to begin anew";
+            let what = "has frames: --resume continues with them; remove it to start again";
             return Err(anyhow!("{shown} {what}")).usage();
         }
         Ok(kept)
@@ -322,7 +322,7 @@ impl Job<'_> {
         }
         let (samples, seconds) = (output.progress.samples, output.progress.elapsed);
         if samples == 0 {
-            let what = "its time ended within the first sample: the film ends before it";
+            let what = "its time ended within the first sample: the film ends before this frame";
             tracing::warn!("frame {number}: {what}");
             return Ok(None);
         }
