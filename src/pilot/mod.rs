@@ -208,7 +208,7 @@ pub fn advise(scene: &Scene) -> Advice {
     if scene.scatters() && (glass || mirror) && (punctual || area || has_sun(scene)) {
         return advice(
             IntegratorKind::Bdpt,
-            "caustics, and media that scatter, which path and bdpt know",
+            "caustics, and media that scatter, which only path and bdpt support",
         );
     }
     match (punctual, area) {
@@ -224,8 +224,8 @@ pub fn advise(scene: &Scene) -> Advice {
         ),
         (true, _) if mirror => advice(
             IntegratorKind::Bdpt,
-            "lights without area and mirrors: path finds nothing that they light by way of a mirror, and the light's own \
-             reflection takes --set mode=mollifier",
+            "lights without area and mirrors: path cannot find their light by way of a mirror, and the light's own \
+             reflection needs --set mode=mollifier",
         ),
         (false, _) if glass => advice(
             IntegratorKind::Vcm,
