@@ -267,7 +267,7 @@ options! {
     /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model. By default
     /// that of a pbrt or Mitsuba scene, else `beckmann`.
     distribution: Distribution, Scene { value: "DISTRIBUTION" }
-    /// What to do with unsupported parts of a pbrt or Mitsuba scene. `nearest` replaces surfaces and textures by the
+    /// Treatment of unsupported parts of a pbrt or Mitsuba scene. `nearest` replaces surfaces and textures by the
     /// nearest supported ones, with a warning, and refuses to leave out lamps, media and shapes; `skip` leaves them
     /// out; `error` refuses all.
     unsupported: Unsupported, Scene { value: "UNSUPPORTED", default: Some("nearest") }
@@ -307,7 +307,7 @@ options! {
     /// Learned attenuation factors: a table, or one factor. A table is a file, or beta-0.001 or beta-0.05, which the
     /// program contains. One factor in [0, 1] applies to all paths; 0 is plain path tracing.
     table: TableChoice, Method { flag: Some("opsr-table"), value: "TABLE|X", effect: Effect::As("table_sha256"), of: &[Path, Guided, Bdpt, Vcm, Mlt, Auto], common: true }
-    /// How to smooth pictures of several levels, or of plain path tracing, bdpt or vcm. `raw` gives the means of the
+    /// Smoothing of pictures with several levels, or of plain path tracing, bdpt or vcm. `raw` gives the means of the
     /// samples, with any integrator. If absent, `default`.
     resolve: ResolveChoice, Method { value: "HOW", of_levels: true, of_film: true }
     /// Largest number of scattering vertices of a path.

@@ -15,7 +15,7 @@ pub(super) struct Args {
     /// File to write (.glb).
     #[arg(short, long, value_name = "FILE", default_value = "out.glb")]
     output: PathBuf,
-    /// What to do with parts that are not supported, or that glTF cannot hold: `skip` leaves them out and lists them.
+    /// Treatment of parts that are not supported, or that glTF cannot hold: `skip` leaves them out and lists them.
     #[arg(long, value_enum, default_value_t)]
     unsupported: Unsupported,
 }
