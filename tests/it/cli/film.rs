@@ -229,12 +229,12 @@ fn films_that_cannot_be_are_refused() {
         (
             2,
             format!("{render} -o #.exr --stats a.json"),
-            "--stats: of one picture",
+            "--stats: for one picture",
         ),
         (
             2,
             format!("{render} -o #.exr --save-every 1s"),
-            "--save-every: of one picture",
+            "--save-every: for one picture",
         ),
         (
             2,
