@@ -320,7 +320,7 @@ impl PathObserver for FirstHit {
         if n == 1
             && let Some(seen) = self.log.current()
         {
-            *seen = Some((point.bsdf.reflectance(), point.frame.n, distance));
+            *seen = Some((point.reflectance(), point.frame.n, distance));
         }
     }
 }

@@ -216,9 +216,7 @@ impl Material {
 
     /// True under a clear coat or sheen.
     pub(super) fn is_covered(&self) -> bool {
-        let covered = |finish: &Finish| {
-            finish.clearcoat.is_some() || finish.sheen.is_some() || finish.mix.is_some()
-        };
+        let covered = |finish: &Finish| finish.covers() || finish.mix.is_some();
         self.finish.as_deref().is_some_and(covered)
     }
 
@@ -244,6 +242,11 @@ impl Material {
 }
 
 impl Finish {
+    /// True if a coat or a sheen lies on the base.
+    pub(super) fn covers(&self) -> bool {
+        self.clearcoat.is_some() || self.sheen.is_some()
+    }
+
     /// The textures.
     pub(super) fn textures(&self) -> impl Iterator<Item = &TextureRef> {
         let coat = self

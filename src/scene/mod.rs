@@ -442,6 +442,21 @@ impl Scene {
         !self.filtered.is_empty()
     }
 
+    /// Reflectance of a surface, of which a path has drawn this BSDF. That of the base where a coat or a sheen lies on it, whichever
+    /// is drawn: few samples show it without noise.
+    pub(crate) fn reflectance(&self, surface: &Surface, drawn: &Bsdf) -> Rgb {
+        match &self.material(surface).finish {
+            Some(finish) if finish.covers() && finish.mix.is_none() => {
+                let last = 1.0 - 0.5 * f32::EPSILON;
+                match self.finished_bsdf(finish, &mut surface.clone(), last) {
+                    Bsdf::Clearcoated(covered) => covered.base().reflectance(),
+                    base => base.reflectance(),
+                }
+            }
+            _ => drawn.reflectance(),
+        }
+    }
+
     #[inline(never)]
     fn varying_bsdf(&self, surface: &mut Surface, u: f32, footprint: Option<Footprint>) -> Bsdf {
         let material = self.material(surface);

@@ -7,9 +7,10 @@ use opsr::integrator::trace::trace;
 use opsr::integrator::{
     Aovs, Centres, FirstHit, LightSplit, Picture, PixelTime, Recorded, Settings, View,
 };
-use opsr::math::{UVec2, Vec2};
+use opsr::math::{Rgb, UVec2, Vec2};
 use opsr::regularise::{Accumulated, Factors, Rule};
 use opsr::scene::Scene;
+use opsr::scene::finish::{Clearcoat, SheenCover};
 use opsr_lab::gallery;
 
 const SIZE: UVec2 = UVec2::new(20, 18);
@@ -119,6 +120,36 @@ fn aov_determinism_over_passes_and_checkpoint_numbers() {
         assert!(Aovs::from_numbers(window, part.recorded(), &numbers).is_none());
     }
     assert!(Aovs::from_numbers(window, Recorded::default(), &[]).is_none());
+}
+
+/// A path draws the coat, the sheen or the base. The albedo is that of the base in every sample.
+#[test]
+fn aov_albedo_under_covers_has_no_noise() {
+    let color = Rgb::new(0.6, 0.3, 0.1);
+    let mut parts = point_light_over_plane();
+    for material in &mut parts.materials {
+        material.base_color = color;
+        material.metallic = 0.0;
+        let finish = material.finish_mut();
+        finish.clearcoat = Some(Clearcoat {
+            weight: 0.8,
+            ..Clearcoat::default()
+        });
+        finish.sheen = Some(SheenCover {
+            color: Rgb::new(0.2, 0.5, 0.9),
+            alpha: 0.3,
+            ..SheenCover::default()
+        });
+    }
+    let scene = render::scene(parts);
+    let first = FirstHit::new(Window::full(SIZE));
+    let whole = picture(&scene, &Settings::default(), Some(first.into()), &[1]);
+    let albedo = whole.aovs.unwrap().first.unwrap().albedo();
+    let seen: Vec<&Rgb> = albedo.pixels.iter().filter(|p| **p != Rgb::ZERO).collect();
+    assert!(seen.len() > 100, "{}", seen.len());
+    let first = *seen[0];
+    assert!((first - color).abs().max_element() < 0.05, "{first}");
+    assert!(seen.iter().all(|p| **p == first));
 }
 
 #[test]

@@ -24,7 +24,7 @@ impl PathFeatures {
         let [x, y, z] = vertex.frame.n.to_array();
         let length = self.values[3];
         if length == 0.0 {
-            let [r, g, b] = vertex.bsdf.reflectance().to_array();
+            let [r, g, b] = vertex.reflectance().to_array();
             self.values[4..].copy_from_slice(&[x, y, z, distance, r, g, b]);
         }
         self.values[..4].copy_from_slice(&[x, y, z, length + distance]);

@@ -55,6 +55,11 @@ impl ShadingPoint<'_> {
         self.alpha_reg > self.alpha
     }
 
+    /// Reflectance of the surface; under a coat or a sheen that of the base.
+    pub(in crate::integrator) fn reflectance(&self) -> Rgb {
+        self.scene.reflectance(self.surface, self.bsdf)
+    }
+
     /// World direction of a local one; `None` where shading and geometric normal disagree about its side.
     #[inline]
     pub(in crate::integrator) fn world(&self, wi: Vec3) -> Option<Vec3> {
