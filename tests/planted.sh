@@ -134,6 +134,12 @@ plant "blurred noise is weighed by the bright side of an edge" src/resolve/layer
 plant "a pixel on an edge is like neither surface" src/resolve/guide.rs \
     's/\(square\(0\) \+ square\(1\) \+ square\(2\) - spread\)\.max\(0\.0\)/square(0) + square(1) + square(2)/' \
     lib::resolve::tests::gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black
+plant "textures are no edges of blurs along rough surfaces" src/resolve/guide.rs \
+    's/let reflectance = \(8\.\.FEATURES\)/let reflectance = (4..7)/' \
+    lib::resolve::tests::a_difference_of_reflectance_is_an_edge_of_both_surfaces
+plant "the reflectance of a covered surface is that of the drawn lobe" src/scene/mod.rs \
+    's/Some\(finish\) if finish\.covers\(\) \&\& finish\.mix\.is_none\(\)/Some(finish) if finish.mix.is_some()/' \
+    aov::aov_albedo_under_covers_has_no_noise
 plant "the second way through glass counts as the first" src/integrator/walk/ways.rs \
     's/chance: 1\.0 - one\.chance/chance: one.chance/' lib::integrator::walk::ways::tests::ways_are_all_leaves_of_a_tree
 plant "ways of small shares end and nothing makes up for it" src/integrator/bidirectional/walk.rs \

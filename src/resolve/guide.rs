@@ -2,7 +2,7 @@
 
 use super::filter::Size;
 use super::layer::Batches;
-use crate::image::level_film::{BATCHES, Features};
+use crate::image::level_film::{BATCHES, FEATURES, Features};
 use crate::math::Vec3A;
 
 /// Standard deviations that a filter reaches.
@@ -34,7 +34,7 @@ pub(super) fn reach(sigma: f32) -> usize {
 /// Edges that stop a filter, as planes.
 pub(super) struct Guide {
     size: Size,
-    /// Normal and, where it counts, reflectance: their squared differences are those of the exponent.
+    /// Normal of the surface and reflectance of the first one: their squared differences are those of the exponent.
     planes: Vec<Vec<f32>>,
     /// Variance of the normals in a pixel on an edge, in the exponent.
     spread: Vec<f32>,
@@ -70,18 +70,17 @@ fn spread((width, height): Size, features: &[Features], first: usize) -> Vec<f32
 }
 
 impl Guide {
-    /// The normal of a surface and its distance along the path; of the first its reflectance, too.
+    /// The normal of a surface, its distance along the path, and the reflectance of the first surface.
     pub(super) fn new(size: Size, surface: Surface, features: &[Features]) -> Self {
         let (width, height) = size;
-        let (first, scales): (usize, &[f32]) = match surface {
-            Surface::Rough => (0, &[]),
-            Surface::First => (4, &[0.5f32.sqrt() / ALBEDO; 3]),
+        let first = match surface {
+            Surface::Rough => 0,
+            Surface::First => 4,
         };
         let plane = |at: usize, scale: f32| features.iter().map(|f| f[at] * scale).collect();
         let normals = (first..first + 3).map(|at| plane(at, NORMAL.sqrt()));
-        let reflectance = scales.iter().enumerate();
-        let planes = normals.chain(reflectance.map(|(c, &scale)| plane(first + 4 + c, scale)));
-        let planes = planes.collect();
+        let reflectance = (8..FEATURES).map(|at| plane(at, 0.5f32.sqrt() / ALBEDO));
+        let planes = normals.chain(reflectance).collect();
         let length: Vec<f32> = plane(first + 3, 1.0);
         let slope = |i: usize| {
             let (x, y) = (i % width, i / width);

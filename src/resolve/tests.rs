@@ -1464,6 +1464,22 @@ fn blur_of_few_batches_is_that_of_all() {
     }
 }
 
+/// Textures of the first surface stop the blurs of both layers, each by the same difference of reflectance.
+#[test]
+fn a_difference_of_reflectance_is_an_edge_of_both_surfaces() {
+    let features = [[0.3, 0.3, 0.3], [0.3, 0.4, 0.3], [0.9, 0.4, 0.3]].map(|reflectance| {
+        let mut features = [0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 0.0];
+        features[8..].copy_from_slice(&reflectance);
+        features
+    });
+    for of in [Surface::First, Surface::Rough] {
+        let guide = Guide::new((3, 1), of, &features);
+        let (near, far) = (guide.alike(0, [1, 0]), guide.alike(1, [1, 0]));
+        assert!((near - (-0.5f32).exp()).abs() < 1e-4, "{near}");
+        assert!(far < 1e-6, "{far}");
+    }
+}
+
 /// The weight of a neighbour in a blur is that of its surface times that of its distance, along both surfaces.
 #[test]
 fn alike_is_the_weight_of_a_blur_without_its_distance() {
