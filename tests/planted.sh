@@ -142,8 +142,14 @@ plant "the reflectance of a covered surface is that of the drawn lobe" src/scene
     aov::aov_albedo_under_covers_has_no_noise
 plant "the second way through glass counts as the first" src/integrator/walk/ways.rs \
     's/chance: 1\.0 - one\.chance/chance: one.chance/' lib::integrator::walk::ways::tests::ways_are_all_leaves_of_a_tree
-plant "ways of small shares end and nothing makes up for it" src/integrator/bidirectional/walk.rs \
-    's/self\.base\.throughput \/= chance;//' bidirectional::ways::agreement_with_path_behind_a_pane
+plant "ways of small shares end and nothing makes up for it" src/integrator/walk/mod.rs \
+    's/self\.throughput \/= chance;//' bidirectional::ways::agreement_with_drawn_ways_behind_a_pane
+plant "light at the end of an edge counts without the roulette of ways" src/integrator/walk/mod.rs \
+    's/carried\.scale\(Rgb::splat\(1\.0 \/ chance\)\);//' ways::agreement_of_paths_on_both_ways_with_drawn_ones
+plant "every way of levels counts in full" src/integrator/levels/kept.rs \
+    's/share \* \*value/*value/' ways::agreement_of_levels_on_both_ways_with_drawn_ones
+plant "light layers count every way in full" src/integrator/aov.rs \
+    's/share \* part/part/' aov::aov_light_split_adds_up_and_equals_short_paths
 plant "a reflection at glass is drawn" src/integrator/bidirectional/paths.rs \
     's/Ways::all\(\)/Ways::drawn()/' bidirectional::ways::glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample
 plant "photons count at the radius that first reaches them alone" src/integrator/bidirectional/merge.rs \

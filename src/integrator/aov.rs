@@ -186,6 +186,10 @@ impl PathObserver for Aovs {
             .for_each(|o| o.light(scatterings, value));
     }
 
+    fn way(&mut self, share: f32) {
+        self.light.iter_mut().for_each(|o| o.way(share));
+    }
+
     fn finish(&mut self, radiance: Rgb) {
         self.time.iter_mut().for_each(|o| o.finish(radiance));
         self.light.iter_mut().for_each(|o| o.finish(radiance));
@@ -366,6 +370,8 @@ pub struct LightSplit {
     sums: Vec<LightSums>,
     /// Emission and direct light of a tile's paths.
     log: Log<[Rgb; 2]>,
+    /// That of the current way of the last path.
+    way: [Rgb; 2],
 }
 
 impl LightSplit {
@@ -374,6 +380,7 @@ impl LightSplit {
         Self {
             sums: vec![LightSums::default(); window.len()],
             log: Log::new(window),
+            way: [Rgb::ZERO; 2],
         }
     }
 
@@ -425,12 +432,22 @@ impl PathObserver for LightSplit {
     }
 
     fn light(&mut self, scatterings: u32, value: Rgb) {
-        if let Some(part) = (self.log.current()).and_then(|p| p.get_mut(scatterings as usize)) {
+        if let Some(part) = self.way.get_mut(scatterings as usize) {
             *part += value;
         }
     }
 
+    fn way(&mut self, share: f32) {
+        let way = std::mem::take(&mut self.way);
+        if let Some(path) = self.log.current() {
+            let parts = path.iter_mut().zip(way);
+            parts.for_each(|(sum, part)| *sum += share * part);
+        }
+    }
+
     fn finish(&mut self, radiance: Rgb) {
+        // Paths of one way do not report it.
+        self.way(1.0);
         // The film refuses the sample too.
         if !radiance.is_finite() {
             self.log.values.pop();
@@ -443,6 +460,7 @@ impl Recorder for LightSplit {
         Self {
             sums: Vec::new(),
             log: Log::new(self.log.window),
+            way: [Rgb::ZERO; 2],
         }
     }
 

@@ -442,17 +442,17 @@ impl Integrator for PathIntegrator {
         }
         // The loops that are run most are compiled for their rule; the others dispatch at every vertex.
         match (aovs, &tracer.rule) {
-            (Some(aovs), _) => tracer.estimate(view, source, samples, film, aovs),
+            (Some(aovs), _) => tracer.render(view, source, samples, film, aovs),
             // Nothing to roughen: a loop without memory of the path.
             (None, _) if is_plain => {
                 let tracer = tracer.with(Unregularised);
-                tracer.estimate(view, source, samples, film, &mut ())
+                tracer.render(view, source, samples, film, &mut ())
             }
             (None, Rule::Accumulated(rule)) => {
                 let tracer = tracer.with(rule);
-                tracer.estimate(view, source, samples, film, &mut ())
+                tracer.render(view, source, samples, film, &mut ())
             }
-            (None, _) => tracer.estimate(view, source, samples, film, &mut ()),
+            (None, _) => tracer.render(view, source, samples, film, &mut ()),
         }
     }
 }

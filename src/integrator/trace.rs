@@ -13,7 +13,7 @@ use std::ops::Range;
 pub struct TracedPath {
     /// Number of the sample in its pixel.
     pub sample: u32,
-    /// Radiance that arrives at the camera: one sample of the picture.
+    /// Radiance that arrives at the camera: one sample of the picture, where the camera sees no smooth glass.
     pub radiance: Rgb,
     /// Its part that comes straight from emitters and the environment.
     pub emission: Rgb,
@@ -48,7 +48,8 @@ pub struct TracedVertex {
     pub lobe: Option<Lobe>,
 }
 
-/// Traces the samples with these numbers of a pixel, with the numbers and the arithmetic of a render by the path tracer.
+/// Traces the samples with these numbers of a pixel, with the numbers and the arithmetic of a render by the path tracer, on the way
+/// through glass that each draws.
 ///
 /// Fails for a pixel outside of the frame.
 pub fn trace(

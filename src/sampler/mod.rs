@@ -189,7 +189,7 @@ pub trait Sampler {
 /// Factory of the streams of all paths.
 pub trait SampleSource: Sync {
     /// Stream of one path.
-    type Stream: Sampler;
+    type Stream: Sampler + Clone;
     /// Stream of sample number `sample` of a pixel, in coordinates of the full frame.
     fn stream(&self, pixel: UVec2, sample: u32) -> Self::Stream;
 }

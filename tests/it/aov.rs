@@ -9,6 +9,7 @@ use opsr::integrator::{
 };
 use opsr::math::{Rgb, UVec2, Vec2};
 use opsr::regularise::{Accumulated, Factors, Rule};
+use opsr::sampler::{Independent, Seed};
 use opsr::scene::Scene;
 use opsr::scene::finish::{Clearcoat, SheenCover};
 use opsr_lab::gallery;
@@ -182,7 +183,7 @@ fn aov_centres_lie_on_their_surfaces() {
     assert!(met > 200, "{met}");
 }
 
-/// Paths traced one by one have the radiance of the render, in parts that add up.
+/// Paths traced one by one have the radiance of the ways that they draw, in parts that add up.
 #[test]
 fn trace_of_a_pixel_equals_its_samples() {
     let mut parts = gallery::caustic_box();
@@ -194,8 +195,10 @@ fn trace_of_a_pixel_equals_its_samples() {
             rule,
             ..Settings::default()
         };
-        let whole = picture(&scene, &settings, None, &[8]);
-        let view = View::of(&scene, &scene.parts().cameras[0], &whole.film);
+        let mut film = Film::new(SIZE);
+        let view = View::of(&scene, &scene.parts().cameras[0], &film.clone());
+        let (tracer, seed) = (settings.tracer(settings.rule.clone()), Seed(settings.seed));
+        tracer.estimate(&view, &Independent { seed }, 0..8, &mut film, &mut ());
         for (x, y) in [(3, 4), (10, 9), (10, 13), (19, 17)] {
             let paths = trace(&settings, &view, UVec2::new(x, y), 0..8).unwrap();
             let mut moments = opsr::math::moments::Moments::default();
@@ -220,7 +223,7 @@ fn trace_of_a_pixel_equals_its_samples() {
                 }
             }
             let index = (y * SIZE.x + x) as usize;
-            assert_eq!(whole.film.pixels[index], moments, "{x} {y}");
+            assert_eq!(film.pixels[index], moments, "{x} {y}");
         }
         assert!(trace(&settings, &view, SIZE, 0..1).is_err());
     }

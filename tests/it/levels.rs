@@ -17,7 +17,7 @@ use opsr_lab::gallery::caustic_box;
 use opsr_lab::stats::agreement::agree;
 
 /// A table with a pattern.
-fn table() -> Rule {
+pub(super) fn table() -> Rule {
     let mut table = AttenuationTable::constant(0.0);
     for (i, gamma) in table.gammas.iter_mut().enumerate() {
         let bins = GammaIndex::new(i).expect("a class").bins();
@@ -27,7 +27,7 @@ fn table() -> Rule {
 }
 
 /// Settings at these scales; the raw factors without any.
-fn settings(rule: Rule, scales: &[f32], seed: u64) -> Settings {
+pub(super) fn settings(rule: Rule, scales: &[f32], seed: u64) -> Settings {
     Settings {
         rule,
         amounts: match scales {
@@ -44,7 +44,7 @@ fn blank(size: UVec2, window: Window) -> Picture {
 }
 
 /// A room with rough metal, glass and a small light.
-fn metal_room() -> SceneParts {
+pub(super) fn metal_room() -> SceneParts {
     let mut parts = SceneParts::default();
     parts.add(
         diffuse("walls", Rgb::splat(0.6)),
@@ -71,7 +71,13 @@ fn metal_room() -> SceneParts {
 }
 
 /// A film of every level: batches of passes become samples of pixels.
-fn level_films(scene: &Scene, settings: &Settings, size: u32, passes: u32, each: u32) -> Vec<Film> {
+pub(super) fn level_films(
+    scene: &Scene,
+    settings: &Settings,
+    size: u32,
+    passes: u32,
+    each: u32,
+) -> Vec<Film> {
     let frame = UVec2::splat(size);
     let mut films = vec![Film::new(frame); settings.amounts.films()];
     let view = View::of(scene, &scene.parts().cameras[0], &films[0]);
@@ -124,6 +130,23 @@ fn level_0_is_bit_identical_to_plain_path_tracing() {
     }
 }
 
+/// Scales of levels.
+pub(super) const SCALED: [f32; 4] = [0.0, 0.05, 0.5, 2.0];
+
+/// The rule of a level.
+pub(super) fn scaled(rule: &Rule, scale: f32) -> Rule {
+    match rule {
+        Rule::Accumulated(Accumulated {
+            factors: Factors::Constant(gamma),
+            ..
+        }) => Rule::constant((gamma * scale).min(1.0)),
+        _ => {
+            let table = rule.table().expect("a table").clone();
+            Rule::with_table(AttenuationTable { scale, ..table })
+        }
+    }
+}
+
 /// Every level agrees with a render of its own at pixels, tiles and the whole image.
 #[test]
 fn levels_agree_with_renders_of_their_own() {
@@ -136,22 +159,9 @@ fn levels_agree_with_renders_of_their_own() {
         (point, table()),
     ] {
         let scene = scene(parts);
-        let scales = [0.0, 0.05, 0.5, 2.0];
-        let all = level_films(&scene, &settings(rule.clone(), &scales, 1), 16, 64, 16);
-        for (k, scale) in scales.iter().enumerate() {
-            let own = match &rule {
-                Rule::Accumulated(Accumulated {
-                    factors: Factors::Constant(gamma),
-                    ..
-                }) => Rule::constant((gamma * scale).min(1.0)),
-                _ => {
-                    let table = rule.table().expect("a table").clone();
-                    Rule::with_table(AttenuationTable {
-                        scale: *scale,
-                        ..table
-                    })
-                }
-            };
+        let all = level_films(&scene, &settings(rule.clone(), &SCALED, 1), 16, 64, 16);
+        for (k, scale) in SCALED.iter().enumerate() {
+            let own = scaled(&rule, *scale);
             let own = grouped(&scene, &settings(own, &[], 2), 16, 64, 16);
             let agreement = agree(&all[k], &own).expect("one frame");
             assert!(agreement.passed(), "level {k}: {agreement:?}");

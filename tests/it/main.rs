@@ -62,5 +62,6 @@ mod train;
 mod training_scenes;
 mod transport;
 mod view;
+mod ways;
 mod witness;
 mod words;

@@ -294,14 +294,10 @@ impl<'a> WeightedWalk<'a> {
         Some(())
     }
 
-    /// Russian roulette with a given chance in (0, 1]; `None` for a walk that ends. `u` is uniform in [0, 1), and uniform again where
-    /// the walk goes on.
+    /// [`Walk::survive_with`]; `None` for a walk that ends.
     #[inline]
     pub(super) fn survive_with(&mut self, chance: f32, u: &mut f32) -> Option<()> {
-        (*u < chance).then_some(())?;
-        *u /= chance;
-        self.base.throughput /= chance;
-        Some(())
+        self.base.survive_with(chance, u, &mut ()).then_some(())
     }
 
     /// Russian roulette; `None` for a walk that ends.

@@ -37,6 +37,15 @@ impl<const N: usize> PathSums<N> {
         self.shared += value;
         self.levels.iter_mut().for_each(|t| *t += value);
     }
+
+    /// Adds a share of one way of the path.
+    pub(super) fn add_way(&mut self, way: &Self, share: f32) {
+        let levels = self.levels.iter_mut().zip(&way.levels);
+        levels.for_each(|(sum, value)| *sum += share * *value);
+        self.shared += share * way.shared;
+        self.features.add_share(&way.features, share);
+        self.unseen += share * way.unseen;
+    }
 }
 
 /// Values of one path, with room for the most levels.

@@ -23,6 +23,7 @@ use super::View;
 use super::amounts::{LevelError, SCALES, Scales};
 use super::walk::observer::{PathObserver, Recorder};
 use super::walk::roughening::scattered;
+use super::walk::ways::Ways;
 use super::walk::{Arrival, Carried, MetEmission, Walk};
 use crate::bsdf::Bsdf;
 use crate::image::film::Film;
@@ -88,19 +89,21 @@ impl LevelTracer {
         run(self, view, source, samples, film, levels, recorder)
     }
 
-    /// Radiance that arrives along a camera walk. `turn` says whether a second lobe is drawn from: any number, odd in
+    /// Radiance that arrives along one way of a camera walk. `turn` says whether a second lobe is drawn from: any number, odd in
     /// half of the samples.
     fn radiance<const N: usize, S: Sampler, O: PathObserver>(
         &self,
         mut walk: Walk<'_>,
         turn: u32,
         sampler: &mut S,
-        observer: &mut O,
+        (ways, observer): (&mut Ways, &mut O),
     ) -> PathSums<N> {
         let mut sums = PathSums::new();
         let mut memory = LevelMemory::<N>::default();
         let mut emission = PendingLevels::full();
         let mut made = Bsdf::BLACK;
+        // True up to the first draw from a smooth lobe.
+        let mut is_seen = true;
         for n in 1..=self.max_vertices + 1 {
             let mut arrival = walk.arrive(&mut emission, sampler);
 
@@ -132,7 +135,11 @@ impl LevelTracer {
             let roughened = alpha < 1.0
                 && !bsdf.is_delta_at(1.0)
                 && memory.roughen(&self.factors, alpha, &mut alphas);
-            let next = point.sample(alpha, u.lobe);
+            let lobe = match is_seen {
+                true => ways.choose(bsdf, alpha, point.wo, u.lobe),
+                false => u.lobe,
+            };
+            let next = point.sample(alpha, lobe);
             let straight = (next.as_ref()).is_some_and(|next| point.goes_straight(&next.sample));
             if !straight {
                 emission.is_roughened = false;
@@ -160,12 +167,18 @@ impl LevelTracer {
             } else {
                 walk.scatter(&vertex, &next);
             }
-            let roulette = (n >= self.roulette_start).then_some(u.roulette);
+            let mut roulette = u.roulette;
+            if is_seen && !next.sample.delta {
+                is_seen = false;
+                if !walk.survive_with(ways.survival(), &mut roulette, &mut emission) {
+                    break;
+                }
+            }
+            let roulette = (n >= self.roulette_start).then_some(roulette);
             if !walk.survive(roulette, &mut emission) {
                 break;
             }
         }
-        observer.finish(sums.levels[0]);
         sums
     }
 }
@@ -175,15 +188,24 @@ impl<const N: usize> LevelPaths<N> for LevelTracer {
         Self::levels(self)
     }
 
-    fn trace<S: Sampler, O: PathObserver>(
+    fn trace<S: Sampler + Clone, O: PathObserver>(
         &self,
         walk: Walk<'_>,
         _sample: u32,
         turn: u32,
-        sampler: &mut S,
+        sampler: &S,
         observer: &mut O,
     ) -> PathSums<N> {
-        self.radiance(walk, turn, sampler, observer)
+        let (mut ways, mut sums) = (Ways::all(), PathSums::new());
+        loop {
+            let sampler = &mut sampler.clone();
+            let way = self.radiance(walk, turn, sampler, (&mut ways, observer));
+            sums.add_way(&way, ways.share());
+            observer.way(ways.share());
+            if !ways.turn() {
+                return sums;
+            }
+        }
     }
 }
 

@@ -5,7 +5,6 @@ use super::tiles::LevelPaths;
 use crate::bsdf::{Lobe, SharedNumbers};
 use crate::integrator::path::PathTracer;
 use crate::integrator::walk::Walk;
-use crate::integrator::walk::features::PathFeatures;
 use crate::integrator::walk::observer::{Event, PathObserver};
 use crate::integrator::walk::shading_point::ShadingPoint;
 use crate::math::Rgb;
@@ -17,25 +16,23 @@ impl<R: Roughening> LevelPaths<1> for PathTracer<R> {
         1
     }
 
-    fn trace<S: Sampler, O: PathObserver>(
+    fn trace<S: Sampler + Clone, O: PathObserver>(
         &self,
         walk: Walk<'_>,
         sample: u32,
         _turn: u32,
-        sampler: &mut S,
+        sampler: &S,
         observer: &mut O,
     ) -> PathSums<1> {
         let mut noted = Noted {
             observer,
-            seen: Rgb::ZERO,
-            features: PathFeatures::default(),
+            sums: PathSums::new(),
+            way: PathSums::new(),
         };
         let light = self.radiance(walk, sample, sampler, &mut noted);
         PathSums {
             levels: [light],
-            shared: noted.seen,
-            features: noted.features,
-            unseen: Rgb::ZERO,
+            ..noted.sums
         }
     }
 }
@@ -43,9 +40,10 @@ impl<R: Roughening> LevelPaths<1> for PathTracer<R> {
 /// Notes what a blur needs of a path, beside another observer.
 struct Noted<'a, O> {
     observer: &'a mut O,
-    /// Light that the path has met before its first draw from a smooth lobe.
-    seen: Rgb,
-    features: PathFeatures,
+    /// Light that the path has met before its first draw from a smooth lobe, and features.
+    sums: PathSums<1>,
+    /// Those of the current way.
+    way: PathSums<1>,
 }
 
 impl<O: PathObserver> PathObserver for Noted<'_, O> {
@@ -53,7 +51,7 @@ impl<O: PathObserver> PathObserver for Noted<'_, O> {
 
     #[inline]
     fn vertex(&mut self, n: u32, distance: f32, point: &ShadingPoint<'_>) {
-        self.features.add(point, distance);
+        self.way.features.add(point, distance);
         self.observer.vertex(n, distance, point);
     }
     #[inline]
@@ -78,11 +76,13 @@ impl<O: PathObserver> PathObserver for Noted<'_, O> {
     }
     #[inline]
     fn seen(&mut self, value: Rgb) {
-        self.seen += value;
+        self.way.shared += value;
         self.observer.seen(value);
     }
     #[inline]
-    fn finish(&mut self, radiance: Rgb) {
-        self.observer.finish(radiance);
+    fn way(&mut self, share: f32) {
+        let way = std::mem::replace(&mut self.way, PathSums::new());
+        self.sums.add_way(&way, share);
+        self.observer.way(share);
     }
 }

@@ -30,13 +30,13 @@ pub(in crate::integrator) trait LevelPaths<const N: usize>: Sync {
     /// Number of levels.
     fn levels(&self) -> usize;
 
-    /// Light of a path at every level, along a camera walk; `turn` is odd in half of the samples of every batch.
-    fn trace<S: Sampler, O: PathObserver>(
+    /// Light of a path at every level, along all ways of a camera walk; `turn` is odd in half of the samples of every batch.
+    fn trace<S: Sampler + Clone, O: PathObserver>(
         &self,
         walk: Walk<'_>,
         sample: u32,
         turn: u32,
-        sampler: &mut S,
+        sampler: &S,
         observer: &mut O,
     ) -> PathSums<N>;
 }
@@ -95,7 +95,9 @@ fn add<const N: usize, T: LevelPaths<N>, O: Recorder>(
                 observer.begin(pixel, sample);
                 let turn = turns[sample as usize % BATCHES];
                 let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
-                values.set(&tracer.trace(walk, sample, turn, &mut stream, observer));
+                let sums = tracer.trace(walk, sample, turn, &stream, observer);
+                observer.finish(sums.levels[0]);
+                values.set(&sums);
                 put(&mut values, tracer.levels(), &mut rest);
             }
         }

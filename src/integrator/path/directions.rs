@@ -1,7 +1,8 @@
 //! Where a path goes on: directions of the BSDF alone, or of a guide too.
 
-use crate::bsdf::SharedNumbers;
+use crate::bsdf::{LobeNumbers, SharedNumbers};
 use crate::integrator::walk::shading_point::{Continuation, ShadingPoint};
+use crate::integrator::walk::ways::Ways;
 use crate::integrator::walk::{Arrival, Interaction, Walk};
 use crate::math::{Rgb, Vec3};
 use crate::sampler::{Sampler, VertexU};
@@ -14,6 +15,12 @@ pub(in crate::integrator) trait Directions {
 
     /// The path is at a vertex with these numbers; a policy may draw more.
     fn arrive(&mut self, point: &ShadingPoint<'_>, u: &VertexU, sampler: &mut impl Sampler);
+
+    /// Chance of going on after the first draw from a smooth lobe; `None` for certainty.
+    #[inline(always)]
+    fn survival(&self) -> Option<f32> {
+        None
+    }
 
     /// Density per steradian with which the world direction `wi` is drawn here; that of the BSDF is `pdf_w`.
     fn pdf(&self, wi: Vec3, pdf_w: f32) -> f32;
@@ -63,8 +70,20 @@ pub(in crate::integrator) trait Directions {
     }
 }
 
-/// Directions of the BSDF.
-pub(in crate::integrator) struct BsdfAlone;
+/// Directions of the BSDF, on one way of a camera walk after another.
+pub(in crate::integrator) struct BsdfAlone {
+    pub(super) ways: Ways,
+    /// True up to the first draw from a smooth lobe.
+    is_seen: bool,
+}
+
+impl BsdfAlone {
+    /// Directions on these ways.
+    pub(super) fn on(ways: Ways) -> Self {
+        let is_seen = true;
+        Self { ways, is_seen }
+    }
+}
 
 impl Directions for BsdfAlone {
     const GUIDED: bool = false;
@@ -84,7 +103,21 @@ impl Directions for BsdfAlone {
         alpha: f32,
         u: &SharedNumbers,
     ) -> Option<Continuation> {
-        point.sample(alpha, u)
+        let of_way;
+        let mut u = u;
+        if self.is_seen {
+            let (bsdf, wo) = (point.bsdf, point.wo);
+            of_way = SharedNumbers::new(self.ways.choose(bsdf, alpha, wo, u.uniform()));
+            u = &of_way;
+        }
+        let next = point.sample(alpha, u);
+        self.is_seen &= next.as_ref().is_some_and(|next| next.sample.delta);
+        next
+    }
+
+    #[inline(always)]
+    fn survival(&self) -> Option<f32> {
+        Some(self.ways.survival())
     }
 
     #[inline]
@@ -97,5 +130,7 @@ impl Directions for BsdfAlone {
     fn leave(&mut self, _: &Interaction<'_>, _: &Continuation, _: Rgb, _: &mut impl Sampler) {}
 
     #[inline]
-    fn finish(&mut self) {}
+    fn finish(&mut self) {
+        self.is_seen = true;
+    }
 }

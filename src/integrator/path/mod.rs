@@ -15,6 +15,7 @@ use super::walk::pending_emission::EmissionWeight;
 use super::walk::roughening::{remember, roughen};
 use super::walk::shading_point::Continuation;
 use super::walk::shading_point::PendingEmission;
+use super::walk::ways::Ways;
 use super::walk::{Arrival, Carried, Walk};
 use crate::bsdf::{Bsdf, Lobe, SharedNumbers};
 use crate::math::Rgb;
@@ -53,20 +54,30 @@ impl<R> PathTracer<R> {
 }
 
 impl<R: Roughening> PathTracer<R> {
-    /// Radiance that arrives along a camera walk: one independent estimate.
+    /// Radiance that arrives along all ways of a camera walk: one independent estimate.
     ///
     /// `sample` is the number of the sample in its pixel, for rules whose bias vanishes.
-    pub(in crate::integrator) fn radiance<S: Sampler, O: PathObserver>(
+    pub(in crate::integrator) fn radiance<S: Sampler + Clone, O: PathObserver>(
         &self,
         walk: Walk<'_>,
         sample: u32,
-        sampler: &mut S,
+        sampler: &S,
         observer: &mut O,
     ) -> Rgb {
-        self.radiance_by(&mut BsdfAlone, walk, sample, sampler, observer)
+        let (mut way, mut total) = (BsdfAlone::on(Ways::all()), Rgb::ZERO);
+        loop {
+            let sampler = &mut sampler.clone();
+            let value = self.radiance_by(&mut way, walk, sample, sampler, observer);
+            let share = way.ways.share();
+            total += share * value;
+            observer.way(share);
+            if !way.ways.turn() {
+                return total;
+            }
+        }
     }
 
-    /// The same with the directions of a policy.
+    /// The same on one way, with the directions of a policy.
     #[inline(always)]
     pub(super) fn radiance_by<D: Directions, S: Sampler, O: PathObserver>(
         &self,
@@ -143,6 +154,7 @@ impl<R: Roughening> PathTracer<R> {
                 total += found;
             }
             let Some(next) = next else { break };
+            let is_first = is_seen && !next.sample.delta;
             is_seen &= next.sample.delta;
             let straight = point.goes_straight(&next.sample);
             if straight {
@@ -166,14 +178,20 @@ impl<R: Roughening> PathTracer<R> {
             } else {
                 walk.scatter(&vertex, &next);
             }
-            let roulette = (n >= self.roulette_start).then_some(u.roulette);
+            let mut roulette = u.roulette;
+            if is_first
+                && let Some(chance) = directions.survival()
+                && !walk.survive_with(chance, &mut roulette, &mut emission)
+            {
+                break;
+            }
+            let roulette = (n >= self.roulette_start).then_some(roulette);
             if !walk.survive(roulette, &mut emission) {
                 break;
             }
             directions.leave(&vertex, &next, walk.throughput, sampler);
         }
         directions.finish();
-        observer.finish(total);
         total
     }
 }

@@ -8,6 +8,8 @@ use crate::integrator::pieces::Tile;
 use crate::integrator::walk::Walk;
 use crate::integrator::walk::camera::trace_tile;
 use crate::integrator::walk::observer::Recorder;
+use crate::integrator::walk::ways::Ways;
+use crate::math::Rgb;
 use crate::regularise::Roughening;
 use crate::sampler::SampleSource;
 use std::ops::Range;
@@ -16,8 +18,8 @@ use std::ops::Range;
 const TILE: u32 = 16;
 
 impl<R: Roughening> PathTracer<R> {
-    /// Adds the samples with these numbers to every pixel of a film of the view. Returns how many were added, fewer than all
-    /// where the render is stopped.
+    /// Adds the samples with these numbers to every pixel of a film of the view, each on the way through glass that it draws. Returns
+    /// how many were added, fewer than all where the render is stopped.
     pub fn estimate<Q: SampleSource, O: Recorder>(
         &self,
         view: &View<'_>,
@@ -31,7 +33,23 @@ impl<R: Roughening> PathTracer<R> {
             (view.sensor.frame, view.window),
             "the film of another view"
         );
-        self.estimate_by(|| BsdfAlone, view, source, samples, film, recorder)
+        let drawn = || BsdfAlone::on(Ways::drawn());
+        self.estimate_by(drawn, view, source, samples, film, recorder)
+    }
+
+    /// The same on all ways.
+    pub(in crate::integrator) fn render<Q: SampleSource, O: Recorder>(
+        &self,
+        view: &View<'_>,
+        source: &Q,
+        samples: Range<u32>,
+        film: &mut Film,
+        recorder: &mut O,
+    ) -> u32 {
+        let radiance = |walk: Walk<'_>, sample, stream: &mut Q::Stream, observer: &mut O| {
+            self.radiance(walk, sample, stream, observer)
+        };
+        trace(radiance, view, source, samples, film, recorder)
     }
 
     /// The same with the directions of a policy, which is made anew for each path.
@@ -44,17 +62,29 @@ impl<R: Roughening> PathTracer<R> {
         film: &mut Film,
         recorder: &mut O,
     ) -> u32 {
-        let driver = view.driver();
-        let tiles = film.tiles(TILE);
         let radiance = |walk: Walk<'_>, sample, stream: &mut Q::Stream, observer: &mut O| {
             self.radiance_by(&mut directions(), walk, sample, stream, observer)
         };
-        driver.samples(samples, Tile::samples_at_once(film), |samples| {
-            let trace = |tile: &mut Tile<'_>, observer: &mut O| {
-                trace_tile(view, source, samples.clone(), tile, observer, radiance);
-            };
-            let results = driver.run_tiles(&tiles, &samples, film, recorder, trace);
-            results.map(|_| ())
-        })
+        trace(radiance, view, source, samples, film, recorder)
     }
+}
+
+/// Adds what arrives along the walks of these samples of every pixel.
+fn trace<Q: SampleSource, O: Recorder>(
+    radiance: impl Fn(Walk<'_>, u32, &mut Q::Stream, &mut O) -> Rgb + Sync,
+    view: &View<'_>,
+    source: &Q,
+    samples: Range<u32>,
+    film: &mut Film,
+    recorder: &mut O,
+) -> u32 {
+    let driver = view.driver();
+    let tiles = film.tiles(TILE);
+    driver.samples(samples, Tile::samples_at_once(film), |samples| {
+        let trace = |tile: &mut Tile<'_>, observer: &mut O| {
+            trace_tile(view, source, samples.clone(), tile, observer, &radiance);
+        };
+        let results = driver.run_tiles(&tiles, &samples, film, recorder, trace);
+        results.map(|_| ())
+    })
 }

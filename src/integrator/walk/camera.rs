@@ -62,7 +62,9 @@ pub(in crate::integrator) fn trace_tile<'a, Q: SampleSource, O: PathObserver>(
             let mut stream = source.stream(pixel, sample);
             let walk = walks.start(pixel, &mut stream);
             observer.begin(pixel, sample);
-            tile.push(radiance(walk, sample, &mut stream, observer));
+            let light = radiance(walk, sample, &mut stream, observer);
+            observer.finish(light);
+            tile.push(light);
         }
     }
 }

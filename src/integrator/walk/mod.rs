@@ -335,6 +335,24 @@ impl<'a> Walk<'a> {
         self.pixel = PixelCone::default();
     }
 
+    /// Russian roulette with a given chance in (0, 1]; false for a walk that ends. `u` is uniform in [0, 1), and uniform again where
+    /// the walk goes on.
+    #[inline]
+    pub(super) fn survive_with(
+        &mut self,
+        chance: f32,
+        u: &mut f32,
+        carried: &mut impl Carried,
+    ) -> bool {
+        if *u >= chance {
+            return false;
+        }
+        *u /= chance;
+        self.throughput /= chance;
+        carried.scale(Rgb::splat(1.0 / chance));
+        true
+    }
+
     /// True unless the walk ends, because it carries nothing or by Russian roulette; `u` in [0, 1) is roulette's, `None`
     /// for none.
     #[inline(always)]

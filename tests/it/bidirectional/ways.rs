@@ -1,9 +1,10 @@
 //! Both ways of a camera walk through smooth glass.
 
-use crate::support::render::{film_with, mean, scene};
+use crate::support::render::{drawn, film_with, mean, scene};
 use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::{Estimator, Settings};
+use opsr::integrator::{Amounts, Estimator, SCALES, Settings};
 use opsr::math::{Rgb, Vec3};
+use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass};
 use opsr::scene::procedural::shapes::{cuboid, quad};
 use opsr::scene::{Material, Mesh, SceneParts};
@@ -69,9 +70,20 @@ fn glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample() {
     for (name, material, mesh, f, most) in cases {
         let expected = f * LAMPS[0] + (1.0 - f) * LAMPS[1];
         let scene = scene(beam_splitter(material, mesh));
-        for estimator in [Estimator::Bdpt, Estimator::Vcm(Radius::default())] {
+        let path = Estimator::Path { reuse: false };
+        let raw = |estimator| (estimator, Rule::Plain, Amounts::Raw);
+        let levels = Amounts::roughening(&SCALES).expect("ascending scales");
+        for (estimator, rule, amounts) in [
+            raw(Estimator::Bdpt),
+            raw(Estimator::Vcm(Radius::default())),
+            raw(path),
+            (path, Rule::constant(0.3), Amounts::Raw),
+            (path, Rule::constant(0.3), levels),
+        ] {
             let settings = Settings {
                 estimator,
+                rule,
+                amounts,
                 max_vertices: 12,
                 ..Settings::default()
             };
@@ -89,7 +101,7 @@ fn glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample() {
 
 /// Roulette of ways keeps the light of a room behind a pane that reflects a third of it.
 #[test]
-fn agreement_with_path_behind_a_pane() {
+fn agreement_with_drawn_ways_behind_a_pane() {
     let mut parts = super::scenes::lit(diffuse("walls", Rgb::splat(0.8)), 3.0);
     let pane = Material {
         transmission: 1.0,
@@ -99,17 +111,15 @@ fn agreement_with_path_behind_a_pane() {
     let corner = Vec3::new(-2.0, -1.0, 1.5);
     parts.add(pane, [quad(corner, 4.0 * Vec3::X, 4.0 * Vec3::Y)]);
     let scene = scene(parts);
-    let whole = |estimator, seed| {
-        let settings = Settings {
-            estimator,
-            seed,
-            ..Settings::default()
-        };
-        mean(&film_with(&scene, &settings, 16, 512))
+    let settings = |estimator, seed| Settings {
+        estimator,
+        seed,
+        ..Settings::default()
     };
-    let (expected, error) = whole(Estimator::Path { reuse: false }, 1);
-    for estimator in [Estimator::Bdpt, Estimator::VcmNee(Radius::default())] {
-        let (found, own) = whole(estimator, 2);
+    let path = Estimator::Path { reuse: false };
+    let (expected, error) = mean(&drawn(&scene, &settings(path, 1), 16, 512));
+    for estimator in [path, Estimator::Bdpt, Estimator::VcmNee(Radius::default())] {
+        let (found, own) = mean(&film_with(&scene, &settings(estimator, 2), 16, 512));
         let z = (found - expected) / error.hypot(own);
         assert!(
             z.abs() < 4.0,

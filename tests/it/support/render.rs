@@ -4,7 +4,9 @@ use opsr::image::{Buffer, Film};
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
+use opsr::sampler::{Independent, Seed};
 use opsr::scene::{Scene, SceneParts};
+use std::ops::Range;
 
 /// A film of the scene's first camera.
 pub(crate) fn film(scene: &Scene, rule: Rule, size: u32, spp: u32, seed: u64) -> Film {
@@ -27,6 +29,36 @@ pub(crate) fn film_with(scene: &Scene, settings: &Settings, size: u32, spp: u32)
     settings.integrator().pass(&view, 0..spp, &mut picture);
     assert_eq!(picture.film.rejected.total(), 0);
     picture.film
+}
+
+/// A square film of path tracing with these settings and independent samples, on the ways through glass that are drawn.
+pub(crate) fn drawn(scene: &Scene, settings: &Settings, size: u32, spp: u32) -> Film {
+    drawn_samples(scene, settings, size, 0..spp)
+}
+
+fn drawn_samples(scene: &Scene, settings: &Settings, size: u32, samples: Range<u32>) -> Film {
+    let mut film = Film::new(UVec2::splat(size));
+    let view = View::of(scene, &scene.parts().cameras[0], &film);
+    let (tracer, seed) = (settings.tracer(settings.rule.clone()), Seed(settings.seed));
+    tracer.estimate(&view, &Independent { seed }, samples, &mut film, &mut ());
+    film
+}
+
+/// The same whose samples are the means of as many samples.
+pub(crate) fn drawn_means(
+    scene: &Scene,
+    settings: &Settings,
+    size: u32,
+    passes: u32,
+    each: u32,
+) -> Film {
+    let mut film = Film::new(UVec2::splat(size));
+    for pass in 0..passes {
+        let some = drawn_samples(scene, settings, size, pass * each..(pass + 1) * each);
+        let pairs = film.pixels.iter_mut().zip(&some.pixels);
+        pairs.for_each(|(pixel, m)| pixel.push(m.mean));
+    }
+    film
 }
 
 /// A scene of these parts; a warning fails the test.

@@ -1,0 +1,80 @@
+//! Paths and levels on both ways through smooth glass, against paths that draw one.
+
+use super::levels::{SCALED, level_films, metal_room, scaled, settings, table};
+use super::support::render::{drawn, drawn_means, film_with, scene};
+use super::support::scenes::{point_light_over_plane, two_mirrors};
+use opsr::image::Film;
+use opsr::math::{Rgb, Vec3};
+use opsr::regularise::Rule;
+use opsr::scene::procedural::materials::{coated, glass};
+use opsr::scene::procedural::shapes::{quad, sphere};
+use opsr::scene::{Material, Scene};
+use opsr_lab::stats::agreement::agree;
+
+/// The room of rough metal behind a pane that reflects a third of the light and a large ball of glass, with a point light.
+fn glass_room() -> Scene {
+    let mut parts = metal_room();
+    parts.lights.push(point_light_over_plane().lights[0]);
+    let pane = Material {
+        transmission: 1.0,
+        ior: 4.0,
+        ..coated("pane", Rgb::ONE, 0.0)
+    };
+    let corner = Vec3::new(-0.9, 0.0, 0.6);
+    parts.add(pane, [quad(corner, 1.0 * Vec3::X, 1.6 * Vec3::Y)]);
+    let ball = sphere(Vec3::new(0.45, 1.0, 0.3), 0.3, 3);
+    parts.add(glass("ball", 1.8, 0.0), [ball]);
+    scene(parts)
+}
+
+fn variance(film: &Film) -> f32 {
+    let pixels = film.variance_of_mean().pixels;
+    pixels.iter().map(|p| p.element_sum()).sum()
+}
+
+/// Both ways have the means of a drawn one, with a third of its variance.
+#[test]
+fn agreement_of_paths_on_both_ways_with_drawn_ones() {
+    let scene = glass_room();
+    for seed in 1..=4 {
+        for rule in [Rule::Plain, Rule::constant(0.5), table()] {
+            let both = film_with(&scene, &settings(rule.clone(), &[], seed), 16, 512);
+            let one = drawn(&scene, &settings(rule.clone(), &[], seed + 9), 16, 512);
+            let agreement = agree(&both, &one).expect("one frame");
+            assert!(agreement.passed(), "{rule:?}, seed {seed}: {agreement:?}");
+            let ratio = variance(&both) / variance(&one);
+            assert!(ratio < 0.8, "{rule:?}, seed {seed}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn agreement_of_levels_on_both_ways_with_drawn_ones() {
+    let scene = glass_room();
+    for seed in 1..=4 {
+        let rule = table();
+        let all = level_films(&scene, &settings(rule.clone(), &SCALED, seed), 16, 64, 8);
+        for (k, scale) in SCALED.iter().enumerate() {
+            let settings = settings(scaled(&rule, *scale), &[], seed + 9);
+            let one = drawn_means(&scene, &settings, 16, 64, 8);
+            let agreement = agree(&all[k], &one).expect("one frame");
+            assert!(agreement.passed(), "level {k}, seed {seed}: {agreement:?}");
+            let ratio = variance(&all[k]) / variance(&one);
+            assert!(ratio < 0.9, "level {k}, seed {seed}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn scenes_without_glass_have_the_bytes_of_a_drawn_way() {
+    for parts in [point_light_over_plane(), two_mirrors(0.9, 0.1)] {
+        let scene = scene(parts);
+        for rule in [Rule::Plain, Rule::constant(0.4), table()] {
+            let settings = settings(rule, &[], 3);
+            assert_eq!(
+                film_with(&scene, &settings, 24, 16),
+                drawn(&scene, &settings, 24, 16)
+            );
+        }
+    }
+}
