@@ -370,7 +370,7 @@ pub struct LightSplit {
     sums: Vec<LightSums>,
     /// Emission and direct light of a tile's paths.
     log: Log<[Rgb; 2]>,
-    /// That of the current way of the last path.
+    /// Light of the current way of the last path.
     way: [Rgb; 2],
 }
 

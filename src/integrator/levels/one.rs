@@ -42,7 +42,7 @@ struct Noted<'a, O> {
     observer: &'a mut O,
     /// Light that the path has met before its first draw from a smooth lobe, and features.
     sums: PathSums<1>,
-    /// Those of the current way.
+    /// Light and features of the current way.
     way: PathSums<1>,
 }
 
