@@ -9,8 +9,8 @@ use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::scene::procedural::materials::{diffuse, emitter};
-use opsr::scene::procedural::shapes::{quad, room, sphere};
 use opsr::scene::{Mesh, Scene, SceneParts, SharedMesh};
+use opsr_lab::gallery::shapes::{quad, room, sphere};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 

@@ -8,8 +8,8 @@ use opsr::bsdf::{Anisotropic, Bsdf, DELTA_ALPHA, Distribution, Glossy, anisotrop
 use opsr::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3};
 use opsr::regularise::{ConstantGamma, PathRoughness, Rule};
 use opsr::scene::procedural::materials::{brushed, clearcoated, diffuse, emitter, metal};
-use opsr::scene::procedural::shapes::{disc, quad};
 use opsr::scene::{Material, Mesh, Scene, SceneParts, SharedMesh, Surface, Texture, TextureRef};
+use opsr_lab::gallery::shapes::{disc, quad};
 use opsr_lab::verify::bsdfs::DISTRIBUTIONS;
 use rand::RngExt;
 use rand_pcg::Pcg32;

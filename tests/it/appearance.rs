@@ -7,11 +7,11 @@ use opsr::bsdf::Bsdf;
 use opsr::math::{Ray, Rgb, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{clearcoated, coated, diffuse, emitter, metal};
-use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::scene::{
     AlphaMode, Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts,
     Texture, TextureRef, Wrap,
 };
+use opsr_lab::gallery::shapes::{quad, sphere};
 use opsr_lab::verify::chi_square;
 use std::f32::consts::PI;
 use std::f64::consts::FRAC_PI_2;

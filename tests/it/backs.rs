@@ -4,8 +4,8 @@ use super::support::render::{film_with, mean, scene};
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::procedural::materials::{diffuse, emitter};
-use opsr::scene::procedural::shapes::{cuboid, quad};
 use opsr::scene::{Camera, Material, Scene, SceneParts};
+use opsr_lab::gallery::shapes::{cuboid, quad};
 
 /// A room seen from outside: its walls face inwards, and a lamp hangs under its ceiling.
 fn room(double_sided: bool) -> Scene {

@@ -5,8 +5,8 @@ use opsr::integrator::Settings;
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::load::{LoadOptions, load};
 use opsr::scene::procedural::materials::{diffuse, glass};
-use opsr::scene::procedural::shapes::{cuboid, quad, sphere};
 use opsr::scene::{Environment, Mesh, Scene, SceneParts};
+use opsr_lab::gallery::shapes::{cuboid, quad, sphere};
 use opsr_lab::gallery::{builtin, glb, names};
 
 /// These bodies of glass under a white sky, seen from `eye`.

@@ -6,8 +6,8 @@ use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{coated, diffuse, emitter};
-use opsr::scene::procedural::shapes::quad;
 use opsr::scene::{Material, Scene, SceneParts};
+use opsr_lab::gallery::shapes::quad;
 use opsr_lab::gallery::{builtin, caustic_box, cornell_box};
 use opsr_lab::stats::agreement::agree;
 

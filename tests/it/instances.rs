@@ -9,11 +9,11 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind;
 use opsr::math::{Ray, Rgb, Vec3};
 use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
-use opsr::scene::procedural::shapes::{quad, room, sphere};
 use opsr::scene::{
     AlphaMode, Geometry, Material, Mesh, Scene, SceneParts, SharedMesh, Texture, TextureRef,
     TriangleId,
 };
+use opsr_lab::gallery::shapes::{quad, room, sphere};
 use opsr_lab::stats::agreement::agree;
 use rand::RngExt;
 use rand_pcg::Pcg32;

@@ -6,8 +6,8 @@ use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::lamp::{Cone, Lamp};
 use opsr::scene::procedural::materials::{diffuse, emitter};
-use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::scene::{Camera, Scene, SceneParts};
+use opsr_lab::gallery::shapes::{quad, sphere};
 use serde_json::{Value, json};
 use std::f64::consts::PI;
 

@@ -12,10 +12,10 @@ mod motion;
 use super::support::gltf::{File, load_bytes, load_in};
 use super::support::scenes;
 use opsr::math::Vec3;
-use opsr::scene::procedural::shapes;
 use opsr::scene::{Mesh, SceneParts};
 use opsr_lab::gallery;
 use opsr_lab::gallery::glb;
+use opsr_lab::gallery::shapes;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 

@@ -8,10 +8,10 @@ use opsr::math::{Ray, Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
-use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{
     Environment, Falloff, Material, Medium, PunctualLight, Scene, SceneParts, Sensor,
 };
+use opsr_lab::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr_lab::stats::agreement::agree;
 use std::f64::consts::PI;
 

@@ -6,8 +6,8 @@ use opsr::integrator::Settings;
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{diffuse, metal};
-use opsr::scene::procedural::shapes::quad;
 use opsr::scene::{PunctualLight, SceneParts};
+use opsr_lab::gallery::shapes::quad;
 use opsr_lab::gallery::{builtin, caustic_box};
 use std::f32::consts::PI;
 

@@ -7,8 +7,8 @@ use opsr::integrator::{Amounts, Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal, tinted_glass};
-use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{Environment, Material, SceneParts};
+use opsr_lab::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr_lab::stats::agreement::agree;
 
 fn assert_mean(film: &Film, expected: f64, what: &str) {

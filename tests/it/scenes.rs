@@ -1,10 +1,10 @@
 //! Procedural shapes are closed and face outward; written files are well formed.
 
 use opsr::math::{Vec2, Vec3};
-use opsr::scene::procedural::shapes;
 use opsr::scene::{Mesh, SceneParts};
 use opsr_lab::gallery;
 use opsr_lab::gallery::glb;
+use opsr_lab::gallery::shapes;
 use std::collections::HashMap;
 
 /// Signed volume by the divergence theorem; panics unless every directed edge meets its reverse exactly once.

@@ -10,8 +10,8 @@ use opsr::sampler::{Independent, Seed};
 use opsr::scene::procedural::materials::{
     GOLD, clearcoated, coated, diffuse, emitter, glass, metal, tinted_glass, translucent,
 };
-use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{Environment, Material, Projection, Scene, SceneParts, Texture, TextureRef};
+use opsr_lab::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr_lab::gallery::{self, caustic_box, cornell_box};
 use opsr_lab::stats::agreement::agree;
 use opsr_lab::verify::simple::Simple;

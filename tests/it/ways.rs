@@ -6,8 +6,8 @@ use super::support::scenes::{point_light_over_plane, two_mirrors};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{coated, glass};
-use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::scene::{Material, Scene};
+use opsr_lab::gallery::shapes::{quad, sphere};
 use opsr_lab::stats::agreement::agree;
 
 /// The room of rough metal behind a pane that reflects a third of the light and a large ball of glass, with a point light.

@@ -9,9 +9,9 @@ use opsr::integrator::{Picture, Settings, Stop, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::pilot::witness::{Missing, missing_light};
 use opsr::scene::procedural::materials::{diffuse, glass};
-use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::scene::{Environment, PunctualLight, Scene, SceneParts};
 use opsr_lab::gallery::builtin;
+use opsr_lab::gallery::shapes::{quad, sphere};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 fn view(scene: &Scene, side: u32) -> View<'_> {

@@ -6,10 +6,6 @@ use crate::math::{Vec2, Vec3};
 use crate::scene::Mesh;
 use glam::{Affine3A, DVec3, EulerRot, Quat};
 use std::collections::HashMap;
-use std::f64::consts::TAU;
-
-/// Neighbouring faces of a profile share a smooth normal below this angle (cosine of 35°).
-const CREASE: f32 = 0.82;
 
 /// A parallelogram `corner`, `corner + u`, … whose front is where `u × v` points.
 pub fn quad(corner: Vec3, u: Vec3, v: Vec3) -> Mesh {
@@ -46,25 +42,6 @@ pub fn cuboid(min: Vec3, max: Vec3) -> Mesh {
             .iter()
             .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
             .collect(),
-        ..Mesh::default()
-    }
-}
-
-/// A prism over a convex polygon of the (x, y) plane, counter-clockwise, from z = -depth/2 to depth/2; flat shading.
-pub fn prism(polygon: &[Vec2], depth: f32) -> Mesh {
-    let n = polygon.len() as u32;
-    let ring = |z: f32| polygon.iter().map(move |p| p.extend(z));
-    let mut indices = Vec::new();
-    for i in 0..n {
-        let j = (i + 1) % n;
-        indices.extend([[i, j, n + j], [i, n + j, n + i]]);
-    }
-    for i in 1..n - 1 {
-        indices.extend([[0, i + 1, i], [n, n + i, n + i + 1]]);
-    }
-    Mesh {
-        positions: ring(-0.5 * depth).chain(ring(0.5 * depth)).collect(),
-        indices,
         ..Mesh::default()
     }
 }
@@ -160,180 +137,6 @@ pub fn smooth(mesh: &mut Mesh) {
         .collect();
 }
 
-/// A torus around the y axis with smooth normals.
-pub fn torus(major: f32, minor: f32, segments: u32, sides: u32) -> Mesh {
-    let profile: Vec<Vec2> = (0..sides)
-        .map(|i| {
-            let (s, c) = (TAU * f64::from(i) / f64::from(sides)).sin_cos();
-            Vec2::new(major + minor * c as f32, minor * s as f32)
-        })
-        .collect();
-    revolve(&profile, true, segments)
-}
-
-/// A flat-topped ring on the plane y = 0: a wall of the given thickness around the y axis. Polished, it casts the cusped
-/// caustic of a napkin ring.
-pub fn ring(radius: f32, thickness: f32, height: f32, segments: u32) -> Mesh {
-    let (inner, outer) = (radius - 0.5 * thickness, radius + 0.5 * thickness);
-    let profile = [
-        Vec2::new(inner, 0.0),
-        Vec2::new(outer, 0.0),
-        Vec2::new(outer, height),
-        Vec2::new(inner, height),
-    ];
-    revolve(&profile, true, segments)
-}
-
-/// A closed cylinder on the plane y = 0.
-pub fn cylinder(radius: f32, height: f32, segments: u32) -> Mesh {
-    let profile = [
-        Vec2::ZERO,
-        Vec2::new(radius, 0.0),
-        Vec2::new(radius, height),
-        Vec2::new(0.0, height),
-    ];
-    revolve(&profile, false, segments)
-}
-
-/// A flat disc on the plane y = 0 that faces up, with a hole of a tenth of its radius. Its tangents run around the axis, as
-/// the grooves of a turned plate do.
-pub fn disc(radius: f32, segments: u32) -> Mesh {
-    let mut mesh = Mesh::default();
-    let rings: Vec<_> = (1..=10)
-        .rev()
-        .map(|k| {
-            let edge = Vec2::new(0.1 * radius * k as f32, 0.0);
-            add_ring(&mut mesh, edge, Vec2::Y, segments)
-        })
-        .collect();
-    rings
-        .windows(2)
-        .for_each(|pair| stitch(&mut mesh, &pair[0], &pair[1]));
-    let around = |p: &Vec3| Vec3::Y.cross(*p).normalize().extend(1.0);
-    mesh.tangents = mesh.positions.iter().map(around).collect();
-    mesh
-}
-
-/// Turns a profile of (radius, height) around the y axis. The solid lies to the left of the profile: it runs up the
-/// outside, and down the inside of a vessel. An open profile should begin and end on the axis; `closed` joins its end
-/// to its beginning. Corners sharper than 35° stay sharp.
-pub fn revolve(profile: &[Vec2], closed: bool, segments: u32) -> Mesh {
-    let points = profile.len();
-    let pieces = if closed { points } else { points - 1 };
-    let normal_of = |i: usize| {
-        let d = profile[(i + 1) % points] - profile[i];
-        Vec2::new(d.y, -d.x).normalize_or_zero()
-    };
-    let mut mesh = Mesh::default();
-    // First and last ring of each piece.
-    let mut ends = Vec::with_capacity(pieces);
-    let mut before: Option<(Vec<u32>, Vec2)> = None;
-    let mut first = None;
-    for i in 0..pieces {
-        let n = normal_of(i);
-        let shared = |other: Vec2| other.dot(n) > CREASE;
-        let begin = match &before {
-            Some((ring, other)) if shared(*other) => ring.clone(),
-            None if closed && shared(normal_of(points - 1)) => {
-                let normal = (n + normal_of(points - 1)).normalize();
-                add_ring(&mut mesh, profile[0], normal, segments)
-            }
-            _ => add_ring(&mut mesh, profile[i], n, segments),
-        };
-        first.get_or_insert_with(|| begin.clone());
-        let last = i + 1 == pieces;
-        let end = match (&first, last && closed) {
-            (Some(ring), true) if normal_of(0).dot(n) > CREASE => ring.clone(),
-            _ => {
-                let after = if last && !closed {
-                    n
-                } else {
-                    normal_of((i + 1) % points)
-                };
-                let normal = if shared(after) {
-                    (n + after).normalize()
-                } else {
-                    n
-                };
-                add_ring(&mut mesh, profile[(i + 1) % points], normal, segments)
-            }
-        };
-        before = Some((end.clone(), n));
-        ends.push((begin, end));
-    }
-    for (a, b) in &ends {
-        stitch(&mut mesh, a, b);
-    }
-    mesh
-}
-
-/// A ring of vertices around the y axis (a single one on the axis) with the profile's normal; returns their indices.
-fn add_ring(mesh: &mut Mesh, point: Vec2, normal: Vec2, segments: u32) -> Vec<u32> {
-    let start = mesh.positions.len() as u32;
-    if point.x == 0.0 {
-        mesh.positions.push(Vec3::new(0.0, point.y, 0.0));
-        mesh.normals.push(Vec3::Y * normal.y.signum());
-        return vec![start];
-    }
-    for i in 0..segments {
-        let (s, c) = (TAU * f64::from(i) / f64::from(segments)).sin_cos();
-        let (s, c) = (s as f32, c as f32);
-        mesh.positions
-            .push(Vec3::new(point.x * c, point.y, point.x * s));
-        mesh.normals
-            .push(Vec3::new(normal.x * c, normal.y, normal.x * s));
-    }
-    (start..start + segments).collect()
-}
-
-fn stitch(mesh: &mut Mesh, a: &[u32], b: &[u32]) {
-    let n = a.len().max(b.len());
-    for i in 0..n {
-        let j = (i + 1) % n;
-        let (a0, a1) = (a[i % a.len()], a[j % a.len()]);
-        let (b0, b1) = (b[i % b.len()], b[j % b.len()]);
-        if b.len() > 1 {
-            mesh.indices.push([a0, b0, b1]);
-        }
-        if a.len() > 1 {
-            mesh.indices.push([a0, b1, a1]);
-        }
-    }
-}
-
-/// The surface y = `height(x, z)` over a rectangle, front upward, with smooth normals.
-pub fn height_field(
-    min: Vec2,
-    max: Vec2,
-    cells: [u32; 2],
-    height: impl Fn(f64, f64) -> f64,
-) -> Mesh {
-    let mut mesh = Mesh::default();
-    let (min, size) = (min.as_dvec2(), (max - min).as_dvec2());
-    for j in 0..=cells[1] {
-        for i in 0..=cells[0] {
-            let x = min.x + size.x * f64::from(i) / f64::from(cells[0]);
-            let z = min.y + size.y * f64::from(j) / f64::from(cells[1]);
-            let h = 1e-4;
-            let dx = (height(x + h, z) - height(x - h, z)) / (2.0 * h);
-            let dz = (height(x, z + h) - height(x, z - h)) / (2.0 * h);
-            mesh.positions
-                .push(DVec3::new(x, height(x, z), z).as_vec3());
-            mesh.normals
-                .push(DVec3::new(-dx, 1.0, -dz).normalize().as_vec3());
-        }
-    }
-    let row = cells[0] + 1;
-    for j in 0..cells[1] {
-        for i in 0..cells[0] {
-            let a = j * row + i;
-            let (b, c, d) = (a + 1, a + row, a + row + 1);
-            mesh.indices.extend([[a, c, d], [a, d, b]]);
-        }
-    }
-    mesh
-}
-
 /// The six walls of a room seen from inside: x low, x high, floor, ceiling, z low, z high.
 pub fn room(min: Vec3, max: Vec3) -> [Mesh; 6] {
     let d = max - min;
@@ -399,22 +202,4 @@ impl Mesh {
         debug_assert!(all.normals.is_empty() || all.normals.len() == all.positions.len());
         all
     }
-}
-
-/// A smooth curve through the points, `steps` pieces between neighbours (uniform Catmull–Rom).
-pub fn curve(points: &[Vec2], steps: u32) -> Vec<Vec2> {
-    let at = |i: isize| points[i.clamp(0, points.len() as isize - 1) as usize];
-    let mut out = vec![points[0]];
-    for i in 0..points.len() as isize - 1 {
-        let (a, b, c, d) = (at(i - 1), at(i), at(i + 1), at(i + 2));
-        for k in 1..=steps {
-            let t = k as f32 / steps as f32;
-            let p = 2.0 * b
-                + (c - a) * t
-                + (2.0 * a - 5.0 * b + 4.0 * c - d) * t * t
-                + (3.0 * b - a - 3.0 * c + d) * t * t * t;
-            out.push(if k == steps { c } else { 0.5 * p });
-        }
-    }
-    out
 }

@@ -410,8 +410,7 @@ fn bench_leaves_out_a_method_that_a_scene_refuses() {
     let folder = tempfile::tempdir().unwrap();
     let mut parts = opsr_lab::gallery::cornell_box();
     for (name, x) in [("a", 0.0), ("b", 0.2)] {
-        let ball =
-            opsr::scene::procedural::shapes::sphere(opsr::math::Vec3::new(x, 1.4, 0.0), 0.3, 3);
+        let ball = opsr_lab::gallery::shapes::sphere(opsr::math::Vec3::new(x, 1.4, 0.0), 0.3, 3);
         parts.add(
             opsr::scene::procedural::materials::glass(name, 1.5, 0.0),
             [ball],

@@ -7,8 +7,8 @@ use opsr::integrator::{Estimator, Settings};
 use opsr::math::Vec3;
 use opsr::scene::Scene;
 use opsr::scene::procedural::materials::glass;
-use opsr::scene::procedural::shapes::sphere;
 use opsr_lab::gallery::furnace_sphere;
+use opsr_lab::gallery::shapes::sphere;
 use opsr_lab::stats::agreement::agree;
 
 const SIZE: u32 = 24;

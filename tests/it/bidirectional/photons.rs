@@ -6,8 +6,8 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::procedural::materials::{coated, diffuse, emitter, metal};
-use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::scene::{Environment, Material, PunctualLight, Scene, SceneParts};
+use opsr_lab::gallery::shapes::{quad, sphere};
 use opsr_lab::gallery::thin_parts;
 use std::f32::consts::PI;
 

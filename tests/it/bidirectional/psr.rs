@@ -6,9 +6,9 @@ use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{diffuse, metal};
-use opsr::scene::procedural::shapes::quad;
 use opsr::scene::{PunctualLight, SceneParts};
 use opsr_lab::gallery::caustic_box;
+use opsr_lab::gallery::shapes::quad;
 use std::f32::consts::PI;
 
 const PATH: Estimator = Estimator::Path { reuse: false };

@@ -6,8 +6,8 @@ use opsr::integrator::{Amounts, Estimator, SCALES, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass};
-use opsr::scene::procedural::shapes::{cuboid, quad};
 use opsr::scene::{Material, Mesh, SceneParts};
+use opsr_lab::gallery::shapes::{cuboid, quad};
 use std::f32::consts::FRAC_1_SQRT_2 as COS;
 
 /// Radiance of the lamp that the glass shows by reflection, and of the one behind it.

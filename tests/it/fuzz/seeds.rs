@@ -29,7 +29,7 @@ pub(crate) fn gltf() -> Vec<Vec<u8>> {
     let mut glass = SceneParts::default();
     glass.add(
         opsr::scene::procedural::materials::glass("glass", 1.5, 0.1),
-        [opsr::scene::procedural::shapes::sphere(Vec3::ONE, 1.0, 0)],
+        [opsr_lab::gallery::shapes::sphere(Vec3::ONE, 1.0, 0)],
     );
     let saved = [
         gallery::area_light_over_plane(),

@@ -325,8 +325,8 @@ fn materials_with_the_same_trouble_share_a_warning() {
 /// Solid glass of a modelling program tints light twice: the square of the tint is the base colour.
 #[test]
 fn bodies_of_solid_glass_tint_by_the_root_of_the_base_colour() {
-    use opsr::scene::procedural::shapes;
     use opsr_lab::gallery::glb;
+    use opsr_lab::gallery::shapes;
     let mut parts = opsr::scene::SceneParts::default();
     parts.add(Default::default(), [shapes::sphere(Vec3::ZERO, 1.0, 4)]);
     let mut file = File::from_glb(&glb::to_glb(&parts).expect("a scene"));
@@ -355,8 +355,8 @@ fn bodies_of_solid_glass_tint_by_the_root_of_the_base_colour() {
 /// Closed glass of Blender's exporter is a body unless the user says thin; of others it is a thin wall unless the user says solid.
 #[test]
 fn closed_glass_of_blender_is_a_body() {
-    use opsr::scene::procedural::shapes;
     use opsr_lab::gallery::glb;
+    use opsr_lab::gallery::shapes;
     let mut parts = opsr::scene::SceneParts::default();
     parts.add(Default::default(), [shapes::sphere(Vec3::ZERO, 1.0, 4)]);
     let mut file = File::from_glb(&glb::to_glb(&parts).expect("a scene"));

@@ -7,9 +7,9 @@ use glam::Vec2;
 use image::{DynamicImage, RgbImage, RgbaImage};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::load::LoadOptions;
-use opsr::scene::procedural::shapes;
 use opsr::scene::{AlphaMode, Material, Mesh, Projection, PunctualLight, SceneParts, Texels, Wrap};
 use opsr_lab::gallery::glb;
+use opsr_lab::gallery::shapes;
 use serde_json::{Value, json};
 
 /// The material loaded from a description.

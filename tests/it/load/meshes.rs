@@ -3,9 +3,9 @@
 use super::{close, triangles};
 use crate::support::gltf::{File, floats, shorts};
 use opsr::math::Vec3;
-use opsr::scene::procedural::shapes;
 use opsr::scene::{Mesh, SceneParts};
 use opsr_lab::gallery::glb;
+use opsr_lab::gallery::shapes;
 use serde_json::{Value, json};
 
 const SQUARE: [f32; 12] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0];

@@ -2,8 +2,8 @@
 
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
-use opsr::scene::procedural::shapes::{cuboid, quad};
 use opsr::scene::{PunctualLight, SceneParts};
+use opsr_lab::gallery::shapes::{cuboid, quad};
 use std::f32::consts::PI;
 
 /// A plane y = 0 of albedo 0.5 under a point light of intensity 2π at height 1 above the origin. The radiance at

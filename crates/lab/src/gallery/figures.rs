@@ -1,9 +1,9 @@
 //! Scenes with the kinds of paths that figures of the papers show.
 
 use super::{open_box, v2, v3};
+use crate::gallery::shapes::{cuboid, cylinder, height_field, quad, room, sphere, torus};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::procedural::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
-use opsr::scene::procedural::shapes::{cuboid, cylinder, height_field, quad, room, sphere, torus};
 use opsr::scene::{Material, Mesh, PunctualLight, SceneParts};
 
 /// A torus of rough gold closed in a cube of smooth glass, under a small lamp: light on it comes by way of the glass and of other

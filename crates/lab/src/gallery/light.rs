@@ -1,11 +1,11 @@
 //! Scenes that are hard for one estimator and easy for another.
 
 use super::{caustic_box, open_box, v3};
+use crate::gallery::shapes::{cuboid, cylinder, disc, quad, revolve, room, sphere};
 use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::procedural::materials::{
     GOLD, SILVER, coated, diffuse, emitter, glass, metal, translucent,
 };
-use opsr::scene::procedural::shapes::{cuboid, cylinder, disc, quad, revolve, room, sphere};
 use opsr::scene::{Environment, Mesh, PunctualLight, SceneParts};
 use std::f32::consts::PI;
 
@@ -107,7 +107,7 @@ fn blade(root: Vec3, length: f32) -> Mesh {
             }
         }
     }
-    opsr::scene::procedural::shapes::smooth(&mut mesh);
+    crate::gallery::shapes::smooth(&mut mesh);
     mesh
 }
 
@@ -219,7 +219,7 @@ fn waves(low: Vec3, high: Vec3) -> Mesh {
         indices,
         ..Mesh::default()
     };
-    opsr::scene::procedural::shapes::smooth(&mut mesh);
+    crate::gallery::shapes::smooth(&mut mesh);
     mesh
 }
 

@@ -2,6 +2,7 @@
 
 use super::simple::{Fault, Simple};
 use super::{Finding, Size};
+use crate::gallery::shapes::{cuboid, disc, room, sphere};
 use crate::stats::agreement::{Agreement, agree};
 use opsr::image::Film;
 use opsr::integrator::{Estimator, Picture, Settings, View};
@@ -9,7 +10,6 @@ use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::scene::procedural::materials::{
     GOLD, brushed, clearcoated, coated, diffuse, emitter, glass, metal,
 };
-use opsr::scene::procedural::shapes::{cuboid, disc, room, sphere};
 use opsr::scene::{Material, Scene, SceneParts};
 
 /// A closed room with a lit ceiling, which a tracer without light sampling finds soon, and bodies of all materials.

@@ -2,6 +2,7 @@
 
 use super::{Finding, Numbers, Size, pool};
 use crate::gallery::caustic_box;
+use crate::gallery::shapes::{disc, sphere};
 use opsr::image::Film;
 use opsr::image::film::Window;
 use opsr::image::level_film::LevelFilm;
@@ -11,7 +12,6 @@ use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::scene::Scene;
 use opsr::scene::procedural::materials::{brushed, clearcoated, coated};
-use opsr::scene::procedural::shapes::{disc, sphere};
 use std::error::Error;
 
 const FRAME: UVec2 = UVec2::new(24, 20);

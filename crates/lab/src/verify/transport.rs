@@ -1,6 +1,7 @@
 //! Small renders: light leaks, scale of the scene, Russian roulette, empty scenes.
 
 use super::{Finding, Numbers};
+use crate::gallery::shapes::{quad, room, sphere};
 use crate::gallery::{caustic_box, furnace_sphere};
 use opsr::bsdf::Distribution;
 use opsr::image::Film;
@@ -9,7 +10,6 @@ use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::procedural::materials::{GOLD, coated, diffuse, emitter, glass, metal};
-use opsr::scene::procedural::shapes::{quad, room, sphere};
 use opsr::scene::{Environment, Material, Mesh, PunctualLight, Scene, SceneParts};
 
 fn plain() -> Settings {
