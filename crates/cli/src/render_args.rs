@@ -49,8 +49,7 @@ pub(super) struct RenderArgs {
     pub(super) reference: Option<PathBuf>,
     /// Write statistics to this file; .json at the end, .csv over time. May be given twice.
     ///
-    /// A .json has the content of the closing line, and more; a .csv has samples, seconds and errors, at most once a
-    /// second.
+    /// A .json has what the closing line says and more; a .csv samples, seconds and errors, at most once a second.
     #[arg(
         long,
         value_name = "FILE",

@@ -2,7 +2,7 @@
 //!
 //! Trigonometry is done in double precision and rounded once, so that files do not depend on a platform's `sinf`.
 
-use crate::math::{Vec2, Vec3};
+use crate::math::Vec3;
 use crate::scene::Mesh;
 use glam::{Affine3A, DVec3, EulerRot, Quat};
 use std::collections::HashMap;

@@ -5,11 +5,11 @@ use opsr::math::{Frame, Rgb, Vec3};
 use opsr::scene::procedural::materials::{
     coated, diffuse, emitter, glass, metal, tinted_glass, translucent,
 };
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{
     AlphaMode, Environment, Lens, Material, Projection, PunctualLight, SceneParts, Texture,
     TextureRef,
 };
-use opsr_lab::gallery::shapes::{cuboid, quad, room, sphere};
 
 const HALF: Rgb = Rgb::splat(0.5);
 

@@ -15,13 +15,13 @@ pub mod lowered;
 pub mod shapes;
 pub mod training;
 
-use crate::gallery::shapes::{self, cuboid, cylinder, quad, ring, sphere, torus};
 use figures::Led;
 use glb::SaveError;
 use opsr::files;
 use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::procedural::materials::{COPPER, diffuse, emitter, glass, metal};
 use opsr::scene::{Material, Mesh, SceneParts};
+use shapes::{cuboid, cylinder, quad, ring, sphere, torus};
 use std::f32::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 
