@@ -13,7 +13,7 @@ use std::ops::Range;
 pub struct TracedPath {
     /// Number of the sample in its pixel.
     pub sample: u32,
-    /// Radiance that arrives at the camera: one sample of the picture, where the camera sees no smooth glass.
+    /// Radiance that arrives at the camera: a sample of the pixel, that of a raw render where the path meets no smooth glass.
     pub radiance: Rgb,
     /// Its part that comes straight from emitters and the environment.
     pub emission: Rgb,

@@ -442,8 +442,8 @@ impl Scene {
         !self.filtered.is_empty()
     }
 
-    /// Reflectance of a surface, of which a path has drawn this BSDF. That of the base where a coat or a sheen lies on it, whichever
-    /// is drawn: few samples show it without noise.
+    /// Reflectance of a surface, of which a path has drawn this BSDF. Under a coat or a sheen it is that of the base, whichever is drawn:
+    /// few samples show it without noise. A mixture has that of the material drawn.
     pub(crate) fn reflectance(&self, surface: &Surface, drawn: &Bsdf) -> Rgb {
         match &self.material(surface).finish {
             Some(finish) if finish.covers() && finish.mix.is_none() => {

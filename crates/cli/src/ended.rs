@@ -47,7 +47,7 @@ impl Ended<'_> {
         let seconds = self.seconds();
         let rate = match self.paths() {
             0 if self.progress.samples == 0 => "a part of the first sample".to_owned(),
-            0 => "no new samples: the checkpoint already has the requested number".to_owned(),
+            0 => "no new samples: the checkpoint has at least that many".to_owned(),
             paths => format!("{:.3} million paths/s", paths as f64 / seconds / 1e6),
         };
         let exposure = match outputs.has_png() {

@@ -61,7 +61,7 @@ struct Args {
 const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 an input file is missing, damaged or not \
 supported; 4 a result could not be written; 5 stopped by the user or within the first sample, the \
 results so far are saved; 6 pictures differ by more \
-than `opsr compare` may allow; 7 not enough memory, which is checked before it is allocated.";
+than the options of `opsr compare` allow; 7 not enough memory, which is checked before it is allocated.";
 
 #[derive(Subcommand)]
 enum Command {

@@ -32,8 +32,8 @@ pub(super) struct PartArgs {
     ///
     /// From sample A (counted from 0) up to but not including B. --spp gives the number of samples of the whole
     /// picture, on which the choice of the integrator depends. Split the samples, the picture by --crop, or both. A
-    /// part that begins after sample 0 stores every sample: 12 bytes per pixel, with levels 56 more and 12 for each of
-    /// them. Other parts store only sums, so parts of all samples of a crop are small.
+    /// part that begins after sample 0 stores every sample: 12 bytes per pixel and sample, with levels 56 more and 12 for
+    /// each level. Other parts store only sums, so parts of all samples of a crop are small.
     #[arg(long, value_name = "A..B", value_parser = samples)]
     samples: Option<Range<u32>>,
     #[command(flatten)]

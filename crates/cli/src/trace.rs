@@ -36,7 +36,7 @@ pub(super) struct TraceArgs {
     render: TraceOptions,
 }
 
-const EXAMPLES: &str = "The paths are those of --integrator path --resolve raw.
+const EXAMPLES: &str = "The paths are those of --integrator path --resolve raw; at smooth glass each follows one way, a render both.
 
 Examples:
   opsr trace scene.glb 200,150

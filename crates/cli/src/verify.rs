@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 #[derive(Args, Debug)]
 #[command(
     after_help = "Every line is a check: the worst value of its statistic and the bound. Exit code 0 means that all \
-hold and, with --plant, that the fault is found; 1 that a check fails."
+hold or, with --plant, that the fault is found; otherwise it is 1."
 )]
 pub(super) struct VerifyArgs {
     /// Print JSON.

@@ -28,11 +28,6 @@ impl<R: Roughening> PathTracer<R> {
         film: &mut Film,
         recorder: &mut O,
     ) -> u32 {
-        debug_assert_eq!(
-            (film.size, film.window),
-            (view.sensor.frame, view.window),
-            "the film of another view"
-        );
         let drawn = || BsdfAlone::on(Ways::drawn());
         self.estimate_by(drawn, view, source, samples, film, recorder)
     }
@@ -78,6 +73,11 @@ fn trace<Q: SampleSource, O: Recorder>(
     film: &mut Film,
     recorder: &mut O,
 ) -> u32 {
+    debug_assert_eq!(
+        (film.size, film.window),
+        (view.sensor.frame, view.window),
+        "the film of another view"
+    );
     let driver = view.driver();
     let tiles = film.tiles(TILE);
     driver.samples(samples, Tile::samples_at_once(film), |samples| {
