@@ -5,11 +5,11 @@ mod fresh;
 mod learning;
 mod loss;
 
-use opsr::integrator::{Picture, Settings};
+use opsr::integrator::Settings;
 use opsr::math::Rgb;
 use opsr::math::real::Dual;
 use opsr::regularise::{AttenuationTable, Lookup, Rule};
-use opsr::sampler::Seed;
+use opsr::sampler::{Independent, Seed};
 use opsr::scene::procedural::materials::coated;
 use opsr_lab::gallery::caustic_box;
 use opsr_lab::verify::learning::{adjoint, crop_of, derivatives, uneven};
@@ -100,7 +100,7 @@ fn error(reference: &[[f32; 3]], pictures: impl Iterator<Item = Moments>) -> f32
     error / count
 }
 
-/// A render of a crop, as moments.
+/// A render of a crop on the ways through glass that are drawn, as those of recordings are, as moments.
 fn render(crop: &Crop, gamma: f32, samples: u32, seed: u64) -> Moments {
     let settings = Settings {
         rule: Rule::constant(gamma),
@@ -108,13 +108,13 @@ fn render(crop: &Crop, gamma: f32, samples: u32, seed: u64) -> Moments {
         seed,
         ..Settings::default()
     };
-    let mut picture = Picture {
-        film: crop.film().unwrap(),
-        aovs: None,
-        levels: None,
-    };
-    (settings.integrator()).pass(&crop.view(), 0..samples, &mut picture);
-    let (mean, variance) = (picture.film.mean(), picture.film.sample_variance());
+    let mut film = crop.film().unwrap();
+    let (tracer, source) = (
+        settings.tracer(settings.rule.clone()),
+        Independent { seed: Seed(seed) },
+    );
+    tracer.estimate(&crop.view(), &source, 0..samples, &mut film, &mut ());
+    let (mean, variance) = (film.mean(), film.sample_variance());
     let n = samples as f32;
     let pixels = mean.pixels.iter().zip(&variance.pixels);
     Moments {
