@@ -446,8 +446,6 @@ impl PathObserver for LightSplit {
     }
 
     fn finish(&mut self, radiance: Rgb) {
-        // Paths of one way do not report it.
-        self.way(1.0);
         // The film refuses the sample too.
         if !radiance.is_finite() {
             self.log.values.pop();

@@ -7,6 +7,7 @@ use super::levels::{LevelTracer, estimate};
 use super::method::Content;
 use super::metropolis::{self, Metropolis};
 use super::path::PathTracer;
+use super::path::directions::BsdfAlone;
 use super::path::manifold::Manifold;
 use super::{Integrator, Picture, Recorded, View};
 use crate::image::exr::Metadata;
@@ -441,18 +442,19 @@ impl Integrator for PathIntegrator {
             };
         }
         // The loops that are run most are compiled for their rule; the others dispatch at every vertex.
+        let ways = BsdfAlone::on_all_ways;
         match (aovs, &tracer.rule) {
-            (Some(aovs), _) => tracer.render(view, source, samples, film, aovs),
+            (Some(aovs), _) => tracer.estimate_by(ways, view, source, samples, film, aovs),
             // Nothing to roughen: a loop without memory of the path.
             (None, _) if is_plain => {
                 let tracer = tracer.with(Unregularised);
-                tracer.render(view, source, samples, film, &mut ())
+                tracer.estimate_by(ways, view, source, samples, film, &mut ())
             }
             (None, Rule::Accumulated(rule)) => {
                 let tracer = tracer.with(rule);
-                tracer.render(view, source, samples, film, &mut ())
+                tracer.estimate_by(ways, view, source, samples, film, &mut ())
             }
-            (None, _) => tracer.render(view, source, samples, film, &mut ()),
+            (None, _) => tracer.estimate_by(ways, view, source, samples, film, &mut ()),
         }
     }
 }

@@ -155,8 +155,8 @@ impl GuidedPaths<'_> {
     ) {
         let radiance =
             |walk: Walk<'_>, sample, stream: &mut IndependentStream, observer: &mut O| {
-                let mut guide = Guide::new(field, training.as_deref_mut(), self.learning, sample);
-                tracer.radiance_by(&mut guide, walk, sample, stream, observer)
+                let guide = Guide::new(field, training.as_deref_mut(), self.learning, sample);
+                tracer.radiance(guide, walk, sample, stream, observer)
             };
         trace_tile(self.view, &self.source, samples, tile, observer, radiance);
     }

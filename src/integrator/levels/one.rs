@@ -4,6 +4,7 @@ use super::kept::PathSums;
 use super::tiles::LevelPaths;
 use crate::bsdf::{Lobe, SharedNumbers};
 use crate::integrator::path::PathTracer;
+use crate::integrator::path::directions::BsdfAlone;
 use crate::integrator::walk::Walk;
 use crate::integrator::walk::observer::{Event, PathObserver};
 use crate::integrator::walk::shading_point::ShadingPoint;
@@ -29,7 +30,7 @@ impl<R: Roughening> LevelPaths<1> for PathTracer<R> {
             sums: PathSums::new(),
             way: PathSums::new(),
         };
-        let light = self.radiance(walk, sample, sampler, &mut noted);
+        let light = self.radiance(BsdfAlone::on_all_ways(), walk, sample, sampler, &mut noted);
         PathSums {
             levels: [light],
             ..noted.sums

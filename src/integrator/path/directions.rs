@@ -16,6 +16,18 @@ pub(in crate::integrator) trait Directions {
     /// The path is at a vertex with these numbers; a policy may draw more.
     fn arrive(&mut self, point: &ShadingPoint<'_>, u: &VertexU, sampler: &mut impl Sampler);
 
+    /// Chance of the current way of the walk.
+    #[inline(always)]
+    fn share(&self) -> f32 {
+        1.0
+    }
+
+    /// Turns to the next way; false after the last one.
+    #[inline(always)]
+    fn turn(&mut self) -> bool {
+        false
+    }
+
     /// Chance of going on after the first draw from a smooth lobe; `None` for certainty.
     #[inline(always)]
     fn survival(&self) -> Option<f32> {
@@ -72,16 +84,26 @@ pub(in crate::integrator) trait Directions {
 
 /// Directions of the BSDF, on one way of a camera walk after another.
 pub(in crate::integrator) struct BsdfAlone {
-    pub(super) ways: Ways,
+    ways: Ways,
     /// True up to the first draw from a smooth lobe.
     is_seen: bool,
 }
 
 impl BsdfAlone {
-    /// Directions on these ways.
-    pub(super) fn on(ways: Ways) -> Self {
-        let is_seen = true;
-        Self { ways, is_seen }
+    /// Directions on the way that is drawn.
+    pub(in crate::integrator) fn drawn() -> Self {
+        Self {
+            ways: Ways::drawn(),
+            is_seen: true,
+        }
+    }
+
+    /// Directions on all ways.
+    pub(in crate::integrator) fn on_all_ways() -> Self {
+        Self {
+            ways: Ways::all(),
+            is_seen: true,
+        }
     }
 }
 
@@ -113,6 +135,16 @@ impl Directions for BsdfAlone {
         let next = point.sample(alpha, u);
         self.is_seen &= next.as_ref().is_some_and(|next| next.sample.delta);
         next
+    }
+
+    #[inline(always)]
+    fn share(&self) -> f32 {
+        self.ways.share()
+    }
+
+    #[inline(always)]
+    fn turn(&mut self) -> bool {
+        self.ways.turn()
     }
 
     #[inline(always)]

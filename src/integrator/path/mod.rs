@@ -15,13 +15,12 @@ use super::walk::pending_emission::EmissionWeight;
 use super::walk::roughening::{remember, roughen};
 use super::walk::shading_point::Continuation;
 use super::walk::shading_point::PendingEmission;
-use super::walk::ways::Ways;
 use super::walk::{Arrival, Carried, Walk};
 use crate::bsdf::{Bsdf, Lobe, SharedNumbers};
 use crate::math::Rgb;
 use crate::regularise::Roughening;
 use crate::sampler::Sampler;
-use directions::{BsdfAlone, Directions};
+use directions::Directions;
 
 pub(super) mod directions;
 pub(super) mod manifold;
@@ -54,32 +53,34 @@ impl<R> PathTracer<R> {
 }
 
 impl<R: Roughening> PathTracer<R> {
-    /// Radiance that arrives along all ways of a camera walk: one independent estimate.
+    /// Radiance that arrives along a camera walk, on all ways of a policy: one independent estimate.
     ///
     /// `sample` is the number of the sample in its pixel, for rules whose bias vanishes.
-    pub(in crate::integrator) fn radiance<S: Sampler + Clone, O: PathObserver>(
+    #[inline(always)]
+    pub(in crate::integrator) fn radiance<D: Directions, S: Sampler + Clone, O: PathObserver>(
         &self,
+        mut directions: D,
         walk: Walk<'_>,
         sample: u32,
         sampler: &S,
         observer: &mut O,
     ) -> Rgb {
-        let (mut way, mut total) = (BsdfAlone::on(Ways::all()), Rgb::ZERO);
+        let mut total = Rgb::ZERO;
         loop {
             let sampler = &mut sampler.clone();
-            let value = self.radiance_by(&mut way, walk, sample, sampler, observer);
-            let share = way.ways.share();
+            let value = self.radiance_of_way(&mut directions, walk, sample, sampler, observer);
+            let share = directions.share();
             total += share * value;
             observer.way(share);
-            if !way.ways.turn() {
+            if !directions.turn() {
                 return total;
             }
         }
     }
 
-    /// The same on one way, with the directions of a policy.
+    /// The same on one way.
     #[inline(always)]
-    pub(super) fn radiance_by<D: Directions, S: Sampler, O: PathObserver>(
+    fn radiance_of_way<D: Directions, S: Sampler, O: PathObserver>(
         &self,
         directions: &mut D,
         mut walk: Walk<'_>,

@@ -8,8 +8,6 @@ use crate::integrator::pieces::Tile;
 use crate::integrator::walk::Walk;
 use crate::integrator::walk::camera::trace_tile;
 use crate::integrator::walk::observer::Recorder;
-use crate::integrator::walk::ways::Ways;
-use crate::math::Rgb;
 use crate::regularise::Roughening;
 use crate::sampler::SampleSource;
 use std::ops::Range;
@@ -28,23 +26,7 @@ impl<R: Roughening> PathTracer<R> {
         film: &mut Film,
         recorder: &mut O,
     ) -> u32 {
-        let drawn = || BsdfAlone::on(Ways::drawn());
-        self.estimate_by(drawn, view, source, samples, film, recorder)
-    }
-
-    /// The same on all ways.
-    pub(in crate::integrator) fn render<Q: SampleSource, O: Recorder>(
-        &self,
-        view: &View<'_>,
-        source: &Q,
-        samples: Range<u32>,
-        film: &mut Film,
-        recorder: &mut O,
-    ) -> u32 {
-        let radiance = |walk: Walk<'_>, sample, stream: &mut Q::Stream, observer: &mut O| {
-            self.radiance(walk, sample, stream, observer)
-        };
-        trace(radiance, view, source, samples, film, recorder)
+        self.estimate_by(BsdfAlone::drawn, view, source, samples, film, recorder)
     }
 
     /// The same with the directions of a policy, which is made anew for each path.
@@ -57,34 +39,22 @@ impl<R: Roughening> PathTracer<R> {
         film: &mut Film,
         recorder: &mut O,
     ) -> u32 {
+        debug_assert_eq!(
+            (film.size, film.window),
+            (view.sensor.frame, view.window),
+            "the film of another view"
+        );
+        let driver = view.driver();
+        let tiles = film.tiles(TILE);
         let radiance = |walk: Walk<'_>, sample, stream: &mut Q::Stream, observer: &mut O| {
-            self.radiance_by(&mut directions(), walk, sample, stream, observer)
+            self.radiance(directions(), walk, sample, stream, observer)
         };
-        trace(radiance, view, source, samples, film, recorder)
+        driver.samples(samples, Tile::samples_at_once(film), |samples| {
+            let trace = |tile: &mut Tile<'_>, observer: &mut O| {
+                trace_tile(view, source, samples.clone(), tile, observer, radiance);
+            };
+            let results = driver.run_tiles(&tiles, &samples, film, recorder, trace);
+            results.map(|_| ())
+        })
     }
-}
-
-/// Adds what arrives along the walks of these samples of every pixel.
-fn trace<Q: SampleSource, O: Recorder>(
-    radiance: impl Fn(Walk<'_>, u32, &mut Q::Stream, &mut O) -> Rgb + Sync,
-    view: &View<'_>,
-    source: &Q,
-    samples: Range<u32>,
-    film: &mut Film,
-    recorder: &mut O,
-) -> u32 {
-    debug_assert_eq!(
-        (film.size, film.window),
-        (view.sensor.frame, view.window),
-        "the film of another view"
-    );
-    let driver = view.driver();
-    let tiles = film.tiles(TILE);
-    driver.samples(samples, Tile::samples_at_once(film), |samples| {
-        let trace = |tile: &mut Tile<'_>, observer: &mut O| {
-            trace_tile(view, source, samples.clone(), tile, observer, &radiance);
-        };
-        let results = driver.run_tiles(&tiles, &samples, film, recorder, trace);
-        results.map(|_| ())
-    })
 }

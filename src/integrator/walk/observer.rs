@@ -79,7 +79,7 @@ pub trait PathObserver {
     #[inline]
     fn seen(&mut self, _value: Rgb) {}
     /// One of the path's ways through glass is complete, and counts this share of the path. Every way reports all of its vertices, the
-    /// first one too, and the light that it has found. Paths that draw one way do not call it.
+    /// first one too, and the light that it has found.
     #[inline]
     fn way(&mut self, _share: f32) {}
     /// The path is complete; `radiance` is the sum of its contributions.
