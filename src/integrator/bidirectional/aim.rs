@@ -1,13 +1,12 @@
-//! Where light paths are sent: at what throws caustics, and at what the camera sees.
+//! Targets at which light paths are aimed: surfaces that throw caustics, and surfaces in the camera's view.
 //!
-//! Candidates are spheres around surfaces that are sharp or let light through, and around the surfaces that the camera
-//! sees where those are a small part of the scene, with what is merged into them. Some light paths with random numbers of
-//! their own tell what each candidate brings to the picture. The shares of a light are those with the least second moment,
-//! ∫ f²/p over its rays, with f their contributions over the brightness of where they arrive. Where they gain little the
-//! light stays uniform.
+//! Candidates are spheres around sharp surfaces, and around visible surfaces if these are a small part of the scene;
+//! the merge radius enlarges the latter. Pilot light paths with their own random numbers estimate what each candidate
+//! contributes to the picture. The shares of a light's targets minimise the second moment ∫ f²/p over its rays, with f
+//! the contributions over the brightness of their picture cell. A light stays uniform if aiming gains little.
 //!
-//! The shares are found before the first sample and stay: samples are independent, and passes, parts and resumed renders
-//! have the same ones. They depend on seed, scene, camera and frame alone.
+//! The shares are found before the first sample and do not change: samples are independent, and passes, parts and
+//! resumed renders use the same ones. They depend only on seed, scene, camera and frame.
 
 use super::Bidirectional;
 use super::iteration::Iteration;
@@ -24,7 +23,7 @@ use crate::scene::{Aim, Beam, EmissionSample, Material, Scene, Target};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Light paths that find the shares.
+/// Number of pilot light paths.
 const PATHS: u32 = 1 << 13;
 
 /// Paths that a thread takes at a time.
@@ -33,36 +32,36 @@ const CHUNK: u32 = 256;
 /// Roughness below which a lobe throws caustics worth aiming at.
 const SHARP: f32 = 0.1;
 
-/// Most targets of either kind.
+/// Most targets of each kind.
 const MOST_SHARP: usize = 64;
 const MOST_SEEN: usize = 8;
 
-/// Largest radius of a target of either kind, over that of the scene.
+/// Largest radius of a target of each kind, over that of the scene.
 const WIDEST_SHARP: f32 = 0.5;
 const WIDEST_SEEN: f32 = 0.1;
 
-/// Camera rays a side of the lattice that finds what the camera sees.
+/// Camera rays per side of the lattice that finds the visible surfaces.
 const LATTICE: u32 = 32;
 
-/// Dirac lobes that such a ray follows, and sharp surfaces through which a light path's vertex is seen.
+/// Most Dirac lobes that such a ray follows, and most sharp surfaces between the camera and a vertex of a light path.
 const MAX_SHARP: u32 = 8;
 
-/// Most triangles or points that are clustered; of more, some stand for all.
+/// Most triangles or points that are clustered; a larger set is subsampled.
 const MOST_ITEMS: usize = 1 << 16;
 
-/// Groups of lights with a beam of their own.
+/// Most groups of lights, each with its own beam.
 const GROUPS: u8 = 64;
 
-/// Cells a side of the picture over whose brightness contributions are taken.
+/// Cells per side of the picture; contributions are divided by the brightness of their cell.
 const CELLS: u32 = 16;
 
-/// Part of the second moment above which aiming gains too little to be worth its cost.
+/// Ratio of the second moments, aimed over uniform, above which aiming is not worth its cost.
 const WORTH: f64 = 0.7;
 
-/// Share below which a target is left out.
+/// Share below which a target is dropped.
 const LEAST_SHARE: f64 = 0.005;
 
-/// Squared weight of light that other strategies find well: light that reaches its vertex by rough surfaces alone.
+/// Squared weight of light that other strategies sample well: light that reaches its vertex over rough surfaces only.
 const EASY: f64 = 0.05;
 
 impl Bidirectional {
@@ -101,7 +100,7 @@ impl Bidirectional {
         Aim::new(beams, groups)
     }
 
-    /// Arrivals in the picture of light paths with this aim.
+    /// Traces pilot light paths with this aim; returns those with a visible vertex.
     fn try_aim(&self, view: &View<'_>, aim: &Aim, targets: &[Target]) -> Vec<Arrival> {
         let iteration = self.iteration(view, aim, 0, None);
         let source = Independent {
@@ -138,16 +137,16 @@ impl Bidirectional {
     }
 }
 
-/// A light path that came into view.
+/// A pilot light path with a visible vertex.
 struct Arrival {
     light: u32,
     /// Sum of the squares of its contributions.
     squared: f64,
-    /// Densities of its first ray, of uniform emission and of the targets, over that with which it was drawn.
+    /// Densities of its first ray under uniform emission and under each target, over that from which it was drawn.
     parts: Vec<f64>,
 }
 
-/// A vertex of a light path as the camera sees it.
+/// A visible vertex of a light path.
 struct Glimpse {
     cell: usize,
     value: f64,
@@ -155,7 +154,7 @@ struct Glimpse {
 }
 
 impl Iteration<'_> {
-    /// Walks a light path; `None` if the camera sees nothing of it.
+    /// Traces a light path; `None` if none of its vertices is visible.
     fn tried_path(
         &self,
         stream: &mut impl Sampler,
@@ -200,7 +199,7 @@ impl Iteration<'_> {
         Some((arrival?, glimpses))
     }
 
-    /// A light path's vertex as the camera sees it, if need be straight through sharp surfaces.
+    /// Contribution of a light path's vertex, if need be straight through sharp surfaces; `None` if it is hidden.
     fn glimpse(&self, vertex: &Vertex, weight: f64) -> Option<Glimpse> {
         let scene = self.view.scene;
         let sight = (self.view.sensor).see(vertex.surface.position, Vec2::ZERO)?;
@@ -248,10 +247,10 @@ fn arrival(scene: &Scene, start: &EmissionSample, targets: &[Target]) -> Arrival
     }
 }
 
-/// The beam of a light with the least second moment over what came into view; `None` where it gains little.
+/// The beam with the least second moment over these arrivals; `None` if it gains little.
 ///
-/// ∫ f²/p is convex in the shares. Its derivative by share i is −∫ f² pᵢ/p², so that each share is multiplied by the root of
-/// that until all are alike.
+/// ∫ f²/p is convex in the shares. Its derivative by share i is −∫ f² pᵢ/p²; each iteration multiplies share i by the
+/// root of ∫ f² pᵢ/p², until these factors are equal.
 fn beam<'a>(targets: &[Target], found: impl Iterator<Item = &'a Arrival>) -> Option<Beam> {
     let found: Vec<&Arrival> = found.collect();
     let mut shares = vec![0.5 / targets.len() as f64; targets.len() + 1];
@@ -288,7 +287,7 @@ fn beam<'a>(targets: &[Target], found: impl Iterator<Item = &'a Arrival>) -> Opt
         moment(&|arrival| density(&shares, arrival)),
         moment(&|arrival| arrival.parts[0]),
     );
-    // False too where a moment is not a number.
+    // Also false for a NaN moment.
     let worth = aimed < WORTH * uniform;
     if !worth {
         return None;
@@ -320,7 +319,7 @@ fn normalise(shares: &mut [f64]) {
     }
 }
 
-/// Spheres at which light may be aimed. Light within the `around` of what the camera sees is merged into it.
+/// Spheres at which light may be aimed. Those of visible surfaces are enlarged by `around`, the merge radius.
 fn candidates(view: &View<'_>, around: f32) -> Vec<Target> {
     let scene = view.scene;
     let reach = scene.lights().reach();
@@ -331,7 +330,7 @@ fn candidates(view: &View<'_>, around: f32) -> Vec<Target> {
             ..target
         };
         let wide = |target: &Target| target.radius > 0.0 && target.radius < widest * reach;
-        // Rounding of starting points must not leave the geometry outside.
+        // Enlarged, so that rounding of ray origins does not leave geometry outside.
         let grown = |target: Target| Target {
             radius: 1.02 * target.radius + 4e-6 * reach,
             ..target
@@ -352,13 +351,13 @@ fn candidates(view: &View<'_>, around: f32) -> Vec<Target> {
     targets
 }
 
-/// True if a surface of this material reflects sharply or lets light through somewhere.
+/// True if a surface of this material throws caustics somewhere.
 fn is_sharp(material: &Material) -> bool {
-    // Light passes panes straight.
+    // Panes transmit light straight, without caustics.
     !material.is_rough() && material.alpha < SHARP && !material.is_pane()
 }
 
-/// Corners of the triangles that throw caustics, or of some of them.
+/// Corners of the triangles that throw caustics, at most [`MOST_ITEMS`] triangles.
 fn sharp_triangles(scene: &Scene) -> Vec<Vec<Vec3>> {
     let sharp: Vec<bool> = scene.parts().materials.iter().map(is_sharp).collect();
     if !sharp.contains(&true) {
@@ -370,7 +369,7 @@ fn sharp_triangles(scene: &Scene) -> Vec<Vec<Vec3>> {
     some.into_iter().map(corners).collect()
 }
 
-/// Points of the surfaces that the camera sees, if need be by way of sharp ones.
+/// Visible points over a lattice of camera rays, which follow Dirac lobes.
 fn seen_points(view: &View<'_>) -> Vec<Vec<Vec3>> {
     let frame = view.sensor.frame.as_vec2();
     let seen = |i: u32| {
@@ -390,7 +389,7 @@ fn seen_point(scene: &Scene, mut ray: Ray) -> Option<Vec3> {
             return Some(surface.position);
         }
         let frame = surface.frame_for(-ray.dir);
-        // The middle of the range is in the stronger lobe.
+        // A random number of 0.5 selects the stronger lobe.
         let sample = bsdf.sample(bsdf.alpha(), frame.to_local(-ray.dir), [0.5; 3])?;
         ray = surface.spawn(frame.to_world(sample.wi));
     }
@@ -420,7 +419,7 @@ fn clustered(mut items: Vec<Vec<Vec3>>, most: usize, reach: f32) -> Vec<Target> 
     }
 }
 
-/// Appends the spheres of a cluster with the least sum of squared radii and `cost` for each; returns that sum.
+/// Appends the spheres of the cut of this tree with the least sum of squared radius plus `cost`; returns that sum.
 fn collect(node: &Node, cost: f32, spheres: &mut Vec<Target>) -> f32 {
     let own = node.sphere.radius * node.sphere.radius + cost;
     if let Some(halves) = &node.halves {
@@ -456,7 +455,7 @@ fn halved(items: &mut [Vec<Vec3>], depth: u32) -> Node {
         .find(|&axis| extent[axis] == extent.max_element())
         .unwrap_or(0);
     let middle = |item: &Vec<Vec3>| item.iter().map(|p| p[axis]).sum::<f32>() / item.len() as f32;
-    // Cut at the middle of the box, so that clusters apart are parted; at the median where all are on one side.
+    // Split at the middle of the box, which separates distant clusters; at the median if all items are on one side.
     items.sort_by(|a, b| middle(a).total_cmp(&middle(b)));
     let cut = items.partition_point(|item| middle(item) < centre[axis]);
     let cut = if cut == 0 || cut == items.len() {

@@ -1,11 +1,11 @@
-//! The aim that was found for a view.
+//! Cache of the aim of a view.
 
 use crate::integrator::View;
 use crate::math::UVec2;
 use crate::scene::{Aim, Camera};
 use std::sync::{Arc, Mutex};
 
-/// The aim of the last view, kept from pass to pass.
+/// The aim of the last view, cached from pass to pass.
 #[derive(Clone, Debug, Default)]
 pub struct Aimed(Arc<Mutex<Option<Kept>>>);
 
@@ -17,14 +17,14 @@ struct Kept {
 }
 
 impl Aimed {
-    /// A given aim for the camera and frame of a view.
+    /// A cache with a given aim for the camera and frame of a view.
     pub fn fixed(view: &View<'_>, aim: Aim) -> Self {
         let aimed = Self::default();
         aimed.aim(view, || aim);
         aimed
     }
 
-    /// The aim for the camera and frame of a view, found unless it is the kept one.
+    /// The aim for the camera and frame of a view, from the cache or else from `find`.
     pub(super) fn aim(&self, view: &View<'_>, find: impl FnOnce() -> Aim) -> Arc<Aim> {
         let sensor = &view.sensor;
         let lock = || self.0.lock().unwrap_or_else(|e| e.into_inner());
@@ -33,7 +33,7 @@ impl Aimed {
         if let Some(aim) = found {
             return aim;
         }
-        // Without the lock: threads that wait for their light paths may come here.
+        // Without the lock: a thread that waits in `find` for its light paths may enter this function again.
         let aim = Arc::new(find());
         *lock() = Some(Kept {
             camera: sensor.camera.clone(),

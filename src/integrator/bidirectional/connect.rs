@@ -1,5 +1,5 @@
-//! The ways to close a path by an edge. Each computes the value, then the weight, then the shadow ray: most closings carry
-//! nothing, and the ray costs most.
+//! Strategies that close a path by an edge. Each computes the value, then the weight, then the shadow ray: most values
+//! are zero, and the ray costs most.
 
 use super::iteration::Iteration;
 use super::split::Trail;
@@ -11,7 +11,7 @@ use crate::math::{Rgb, Vec2};
 use crate::sampler::LightU;
 use crate::scene::Surface;
 
-/// Density per area with which a direction of density `pdf_w` meets a vertex.
+/// Density per area, at a vertex, of a direction with density `pdf_w` per steradian.
 #[inline]
 fn per_area(pdf_w: f32, cos: f32, distance2: f32) -> f32 {
     pdf_w * cos / distance2
@@ -31,13 +31,13 @@ impl Vertex {
 }
 
 impl Iteration<'_> {
-    /// Vertices that a path of this length has left: the most panes on its closing edge.
+    /// Vertices still allowed after this many: the most panes on the closing edge.
     #[inline]
     pub(super) fn left(&self, vertices: u32) -> u32 {
         self.settings.max_vertices.saturating_sub(vertices)
     }
 
-    /// s = 0: the surface that the camera walk met as this vertex emits.
+    /// s = 0: emission of the surface at this vertex of the camera walk.
     #[inline]
     pub(super) fn emitter(&self, walk: &WeightedWalk<'_>, vertex: &Vertex) -> Rgb {
         let lights = self.view.scene.lights();
@@ -56,7 +56,7 @@ impl Iteration<'_> {
         vertex.throughput * radiance * weight
     }
 
-    /// s = 0: the camera walk left the scene instead of meeting its vertex `n`.
+    /// s = 0: environment light, where the camera walk left the scene before its vertex `n`.
     #[inline]
     pub(super) fn environment(&self, walk: &WeightedWalk<'_>, n: u32) -> Rgb {
         let scene = self.view.scene;
@@ -122,8 +122,8 @@ impl Iteration<'_> {
             * (weight / light.density.value())
     }
 
-    /// s, t > 1: a vertex of the camera walk connected to a vertex of the light walk. Of connections without shadow that
-    /// carry less than `least` some are left out, and the others count more; `u` is uniform in [0, 1).
+    /// s, t > 1: a vertex of the camera walk connected to a vertex of the light walk. Connections with an unshadowed
+    /// value below `least` are subject to Russian roulette before the shadow ray; `u` is uniform in [0, 1).
     #[inline]
     pub(super) fn connection(
         &self,
@@ -136,7 +136,7 @@ impl Iteration<'_> {
         let distance2 = to.length_squared();
         let distance = distance2.sqrt();
         let dir = to / distance;
-        // A triangle sees neither itself nor others in its plane: rounding would connect their two sides.
+        // Points of one triangle or of one plane are not connected: rounding would connect the two sides.
         let error = vertex.surface.error + light.surface.error;
         let in_plane =
             |surface: &Surface| !surface.is_in_medium() && to.dot(surface.ng).abs() <= error;
@@ -144,7 +144,7 @@ impl Iteration<'_> {
         if !dir.is_finite() || same || in_plane(&vertex.surface) || in_plane(&light.surface) {
             return Rgb::ZERO;
         }
-        // Most pairs see each other from behind.
+        // Early exit: most pairs face away from each other.
         if !(vertex.scatters_to(dir) || vertex.surface.is_below(dir)) || !light.scatters_to(-dir) {
             return Rgb::ZERO;
         }
@@ -194,8 +194,8 @@ impl Iteration<'_> {
         value * transmittance
     }
 
-    /// t = 1: a vertex of the light walk connected to the camera, through a point of its lens if there is one. Camera walks draw
-    /// that point from the same density, which cancels with the lens's mean.
+    /// t = 1: a vertex of the light walk connected to the camera, through a point of its lens if there is one. Camera
+    /// walks draw lens points from the same density, so it cancels.
     #[inline]
     pub(super) fn connect_to_camera(
         &self,

@@ -1,4 +1,4 @@
-//! Guides of camera paths, by which a picture that light paths share may be blurred.
+//! Features of camera paths, which guide the blur of a picture whose pixels share light paths.
 
 use crate::image::film::Window;
 use crate::image::level_film::{LevelFilm, PathLevels};
@@ -9,23 +9,23 @@ use crate::integrator::walk::observer::{PathObserver, Recorder};
 use crate::integrator::walk::shading_point::ShadingPoint;
 use crate::math::{Rgb, UVec2};
 
-/// Guides of the camera paths of a sample, beside the AOVs of its render.
+/// Features of the camera paths of a sample, and the AOVs of the render.
 pub(super) struct Guides {
     aovs: Option<Aovs>,
     window: Window,
     paths: Vec<Guide>,
     /// The current way of the last path.
     way: Guide,
-    /// Guides of each joined fork: nothing is copied while all are there.
+    /// Features of each joined fork, moved and not copied.
     joined: Vec<Vec<Guide>>,
 }
 
-/// Guide of one camera path, and the light that its blurs leave as it is.
+/// Features of one camera path, and its light that is not blurred.
 #[derive(Clone, Copy, Default)]
 struct Guide {
     /// Index of its pixel.
     index: u32,
-    /// Light that it has met before its first draw from a smooth lobe.
+    /// Light found before the first draw from a non-Dirac lobe.
     seen: Rgb,
     features: PathFeatures,
 }
@@ -49,7 +49,7 @@ impl Guides {
         }
     }
 
-    /// Adds the sample of a layer to a film of one level, where a fork has a camera path.
+    /// Adds the sample of a layer to a film of one level, at the pixels whose camera paths were traced.
     pub(super) fn push(&self, sample: u32, layer: &SplatLayer, film: &mut LevelFilm) {
         for path in self.joined.iter().flatten() {
             let index = path.index as usize;

@@ -15,7 +15,7 @@ use crate::sampler::{
 use crate::scene::Aim;
 use std::f32::consts::PI;
 
-/// Distance within which surfaces allow merges at their neighbours, over the radius of merges. Measured in docs/lab/photons.md.
+/// Distance within which surfaces allow merges at neighbours, over the merge radius. Measured in docs/lab/photons.md.
 const NEAR: f32 = 64.0;
 
 /// Scene, settings and radius of one iteration, shared by the threads.
@@ -30,15 +30,15 @@ pub(super) struct Iteration<'a> {
     pub(super) sample: u32,
     /// Number of light paths.
     pub(super) paths: u32,
-    /// Radius of merges; 0 without.
+    /// Merge radius; 0 without merging.
     pub(super) radius: f32,
     pub(super) merge_rule: MergeRule,
     /// Merging weights of camera walks, and of light walks below.
     pub(super) merging: Merging<f32>,
     pub(super) light_merging: Merging<f32>,
-    /// Radius of the kernel in world units; `None` where all lights can be met too.
+    /// Kernel radius in world units; `None` in scenes where camera walks can hit all lights.
     pub(super) mollifier: Option<f32>,
-    /// Accumulated roughness, in scenes that have glossy lobes.
+    /// Rule that roughens the last vertex; `None` in scenes without glossy lobes.
     pub(super) rule: Option<&'a Accumulated>,
     pub(super) light: LightSource,
     pub(super) camera: CameraSource,
@@ -47,7 +47,7 @@ pub(super) struct Iteration<'a> {
 }
 
 impl Bidirectional {
-    /// Iteration number `sample`; `first` is the radius of merges in iteration 0.
+    /// Iteration number `sample`; `first` is the merge radius of iteration 0.
     pub(super) fn iteration<'a>(
         &'a self,
         view: &'a View<'a>,

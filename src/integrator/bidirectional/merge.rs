@@ -18,10 +18,10 @@ use std::f32::consts::PI;
 /// Rows and columns of the probes of a disk.
 const PROBES: u32 = 2;
 
-/// Rounds of probes after which a series is cut.
+/// Most rounds of probes, after which the series is truncated.
 const MAX_ROUNDS: u32 = 32;
 
-/// Size of a term of the series below which roulette ends it.
+/// Magnitude of a term of the series below which Russian roulette may end it.
 const ROULETTE: f32 = 0.25;
 
 /// Light of a camera path of photon density estimation at several radii.
@@ -29,9 +29,9 @@ const ROULETTE: f32 = 0.25;
 pub(super) struct Densities {
     /// All light, by radius.
     pub(super) levels: [Rgb; MAX_LEVELS],
-    /// Light that no photon has brought: the same at all radii.
+    /// Light that does not come from photons: the same at all radii.
     pub(super) shared: Rgb,
-    /// Guides that the path has met.
+    /// Features of the path that guide blurs.
     pub(super) features: Features,
 }
 
@@ -43,7 +43,7 @@ impl Densities {
 }
 
 impl Iteration<'_> {
-    /// Merges with all photons around a vertex of the camera walk, weighed against all other strategies.
+    /// Merges with all photons around a vertex of the camera walk, with MIS weights against all other strategies.
     pub(super) fn merges(
         &self,
         vertex: &Vertex,
@@ -53,11 +53,11 @@ impl Iteration<'_> {
     ) -> Rgb {
         let mut sum = Rgb::ZERO;
         map.around(vertex, |photon, arrived, trail| {
-            // The path has the merged vertex once.
+            // Both walks count the merged vertex.
             if vertex.n + photon.n() - 1 > self.settings.max_vertices {
                 return;
             }
-            // No weight counts merges there: light paths meet this facet from above alone.
+            // The weights count no merges there: light walks arrive at a facet only from above its plane.
             if vertex.surface.is_below(photon.back) {
                 return;
             }
@@ -80,12 +80,12 @@ impl Iteration<'_> {
         self.density(vertex, (sum, self.radius), map.paths(), probes)
     }
 
-    /// Random numbers of the probes of a camera path. A stream of their own: probes are thrown where photons are found.
+    /// Random numbers of the probes of a camera path. A separate stream: their count depends on the photons.
     pub(super) fn probe_stream(&self, pixel: UVec2) -> IndependentStream {
         self.probes.stream(pixel, self.sample)
     }
 
-    /// Random numbers of the probes of a radius of a camera path: those of the first are the path's own.
+    /// Random numbers of a camera path's probes at radius number `level`; radius 0 uses the stream of `probe_stream`.
     fn probe_stream_at(&self, level: usize, pixel: UVec2) -> IndependentStream {
         match level {
             0 => self.probe_stream(pixel),
@@ -96,8 +96,8 @@ impl Iteration<'_> {
         }
     }
 
-    /// Walks a camera path of photon density estimation: it goes on along sharp lobes and merges at rough ones. Where it
-    /// goes on along a lobe that is no Dirac delta, lights are sampled too.
+    /// Traces a camera path of photon density estimation: it follows sharp lobes and merges at rough ones. At sharp
+    /// lobes that are not Dirac, lights are sampled too.
     pub(super) fn density_path<O: PathObserver>(
         &self,
         pixel: UVec2,
@@ -108,7 +108,7 @@ impl Iteration<'_> {
             .levels[0]
     }
 
-    /// The same with densities at several radii, ascending, of the same photons: those within the largest are those of the map.
+    /// The same with densities of the same photons at several radii, ascending; the map is built for the largest.
     pub(super) fn density_paths<O: PathObserver>(
         &self,
         pixel: UVec2,
@@ -124,7 +124,7 @@ impl Iteration<'_> {
         let mut total = Densities::default();
         let mut features = PathFeatures::default();
         let lights = self.view.scene.lights();
-        // Where the current ray was drawn, and its density: 0 for a Dirac lobe and from the camera.
+        // Origin of the current ray, and its density per steradian: 0 for Dirac lobes and camera rays.
         let (mut from, mut pdf_w) = (Vec3::ZERO, 0.0);
         let weight = |pdf_w: f32, of_light: f32| match pdf_w {
             0.0 => 1.0,
@@ -163,7 +163,7 @@ impl Iteration<'_> {
             }
             match walk.follow_sharp(&vertex, u.lobe) {
                 Some(Sharp::Drawn(drawn)) => (from, pdf_w) = (vertex.surface.position, drawn),
-                // Light samples pass panes too: the weight is that of the draw before.
+                // Light samples pass panes too: the MIS weight stays that of the previous draw.
                 Some(Sharp::Straight) => {}
                 None => break,
             }
@@ -177,7 +177,7 @@ impl Iteration<'_> {
         total
     }
 
-    /// Adds the photons within each of several radii, ascending, of a vertex.
+    /// Adds the photons around a vertex within each of several radii, ascending.
     #[inline(always)]
     fn add_photons(
         &self,
@@ -187,7 +187,7 @@ impl Iteration<'_> {
         probes: &mut [IndependentStream],
         levels: &mut [Rgb],
     ) {
-        // By the least radius that reaches them.
+        // By the smallest radius that contains them.
         let mut sums = [Rgb::ZERO; MAX_LEVELS];
         map.around_from(vertex, |photon, arrived, _, to| {
             if vertex.n + photon.n() - 1 <= self.settings.max_vertices
@@ -206,8 +206,8 @@ impl Iteration<'_> {
         }
     }
 
-    /// A light sampled from the lobe that a walk of photon density estimation follows from this vertex, weighed against the
-    /// walk. Photons do not merge there, and no walk meets a light without area.
+    /// A light sampled for the sharp lobe that a walk of photon density estimation follows, with the MIS weight against
+    /// that walk. Photons do not merge at this lobe, and no walk hits a light without area.
     fn light_at_sharp_lobe(&self, vertex: &Vertex, u: LightU) -> Rgb {
         if vertex.merges_gloss() {
             return Rgb::ZERO;
@@ -232,8 +232,8 @@ impl Iteration<'_> {
             * (weight / light.density.value())
     }
 
-    /// Converts a sum over photons within the radius to a contribution, from the number of light paths. Opacity lets both walks find
-    /// a vertex by chance, which a path counts once.
+    /// Converts a sum over photons within the radius to a contribution. Both walks hit a partly transparent surface
+    /// with probability `presence`; the division counts that probability once.
     fn density(
         &self,
         vertex: &Vertex,
@@ -256,8 +256,8 @@ impl Iteration<'_> {
     /// Unbiased estimate of πr² over the area on which photons merge with a vertex: 1 inside of a plane, more near its
     /// edge.
     ///
-    /// With a the area over πr² and q = 1 − a it is 1 + q + q² + …, whose powers are products of independent estimates of
-    /// q. They end where one is 0, as all are inside of a plane, or by roulette.
+    /// With a the area over πr² and q = 1 − a it is 1 + q + q² + …, whose powers are products of independent estimates
+    /// of q. The series ends at a term of 0, as inside of a plane, or by roulette.
     fn disk_over_surface(&self, vertex: &Vertex, radius: f32, probes: &mut impl Sampler) -> f32 {
         let scene = self.view.scene;
         if scene.inside_triangle(&vertex.surface, radius) {
@@ -281,8 +281,8 @@ impl Iteration<'_> {
         sum
     }
 
-    /// Unbiased estimate of the area on which photons merge with a vertex over πr²: points of the disk, one in each of four
-    /// parts, projected to the nearest surface on the walk's side.
+    /// Unbiased estimate of the area on which photons merge with a vertex, over πr²: random points of the disk, one in
+    /// each of four strata, are projected to the nearest surface on the walk's side.
     fn surface_over_disk(&self, vertex: &Vertex, radius: f32, probes: &mut impl Sampler) -> f32 {
         let scene = self.view.scene;
         let (p, ng) = (vertex.surface.position, vertex.surface.ng);

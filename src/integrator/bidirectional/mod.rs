@@ -1,32 +1,32 @@
 //! Bidirectional transport: every light path is connected to the camera and to every vertex of a camera path, or merges
-//! with the camera paths that come near it.
+//! with nearby camera paths.
 //!
-//! One iteration is one sample a pixel. It walks one light path per pixel of the *full* frame, at most `MAX_LIGHT_PATHS`,
-//! and connects the camera path of pixel p to light path p mod N. Light paths depend on the seed, their number and the
-//! iteration only: any thread count, split into passes, and crop give bit-identical pixels. Without merging a light path
-//! and the camera paths that it serves are walked together, so that no light vertex outlives them; with merging all
-//! light vertices of an iteration are kept and sorted into a grid before the first camera path. Splats are added in the
-//! order of their light paths.
+//! One iteration is one sample a pixel. It walks one light path per pixel of the *full* frame, at most
+//! `MAX_LIGHT_PATHS`, and connects the camera path of pixel p to light path p mod N. Light paths depend only on the
+//! aim, the seed, their number and the iteration: any thread count, split into passes, and crop give bit-identical
+//! pixels. Without merging, a light path is traced together with the camera paths connected to it, and its vertices are
+//! not stored. With merging, all light vertices of an iteration are stored in a grid before the first camera path.
+//! Splats are added in the order of their light paths.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `estimator` | the settings |
-//! | `aim`, `aimed` | where light paths are sent: at what throws caustics, and at what the camera sees |
+//! | `aim`, `aimed` | targets of light paths: surfaces that throw caustics, and visible surfaces |
 //! | `weights` | multiple importance sampling over all strategies: pure recursions |
 //! | `vertex` | a scattering vertex: its value, the densities of both walks, and whether its neighbours may merge |
-//! | `walk` | one walk from either end: edges, draws, running numbers |
-//! | `guides` | the guides of camera paths for blurs of the picture |
+//! | `walk` | one walk from either end: edges, draws, partial sums of the weights |
+//! | `guides` | the features of camera paths that guide blurs of the picture |
 //! | `strategies` | strategies, and sums of contributions over them |
 //! | `iteration` | scene, settings and random numbers of one iteration |
 //! | `paths` | light paths and camera paths, closed by all strategies |
 //! | `sample` | one sample of every pixel, cut into pieces |
-//! | `connect` | the ways to close a path by an edge: value, then weight, then shadow ray |
-//! | `photons` | light vertices that are kept, and the grid over them |
+//! | `connect` | strategies that close a path by an edge: value, then weight, then shadow ray |
+//! | `photons` | the stored light vertices, and the grid over them |
 //! | `pair` | one light path and one camera path alone, for Markov chains |
 //! | `merge` | paths closed by a merge, and photon density estimation |
-//! | `radius` | the radius of merges |
+//! | `radius` | the merge radius |
 //! | `psr` | paths that no strategy can sample, regularised |
-//! | `split` | learned roughening where no strategy is good |
+//! | `split` | learned roughening of paths that no strategy samples well |
 
 mod aim;
 mod aimed;

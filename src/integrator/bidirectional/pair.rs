@@ -33,8 +33,8 @@ impl<'a> Pairs<'a> {
         }
     }
 
-    /// The values of a pair, one for the pixel of the camera path, and one for every vertex of the light path that the
-    /// camera sees; those of 0 are left out.
+    /// The values of a pair, one for the pixel of the camera path, and one for every visible vertex of the light path;
+    /// zeros are omitted.
     pub(in crate::integrator) fn trace(
         &mut self,
         light: &mut impl Sampler,

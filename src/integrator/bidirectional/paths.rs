@@ -1,4 +1,4 @@
-//! Walks of light paths and camera paths, closed by all strategies.
+//! Traces light paths and camera paths, which all strategies close.
 
 use super::iteration::Iteration;
 use super::photons::PhotonMap;
@@ -16,14 +16,14 @@ use crate::math::{Rgb, UVec2};
 use crate::sampler::Sampler;
 use crate::scene::sensor::RayDensity;
 
-/// Vertices by which roulette of light walks begins earlier: every vertex of theirs is connected to all of a camera walk.
+/// Vertices by which roulette of light walks begins earlier: each is connected to all vertices of a camera walk.
 pub(super) const EARLIER: u32 = 3;
 
-/// Share of what a camera path has found so far below which a connection is left to chance: most shadow rays would find
-/// hardly any light.
+/// Share of a camera path's value so far below which a connection is subject to Russian roulette: most shadow rays
+/// would gain hardly any light.
 const MIN_SHARE: f32 = 0.1;
 
-/// A light path, as a camera path needs it.
+/// Vertices of a light path for connections to camera paths.
 #[derive(Default)]
 pub(super) struct LightPath {
     vertices: Vec<Vertex>,
@@ -32,7 +32,7 @@ pub(super) struct LightPath {
 }
 
 impl Iteration<'_> {
-    /// The light path to which the camera path of a pixel is connected, from those that are kept.
+    /// Rebuilds, from the stored vertices, the light path to which the camera path of a pixel is connected.
     pub(super) fn fetch(&self, pixel: UVec2, map: &PhotonMap, light: &mut LightPath) {
         let columns = u64::from(self.view.sensor.frame.x);
         let number = u64::from(pixel.y) * columns + u64::from(pixel.x);
@@ -44,7 +44,7 @@ impl Iteration<'_> {
         map.of_path(path, most, self.view.scene, vertices, trails);
     }
 
-    /// Walks a light path and keeps all that one camera path needs of it.
+    /// Traces a light path and stores its vertices in `light`, for one camera path.
     pub(super) fn whole_light_path(
         &self,
         stream: &mut impl Sampler,
@@ -66,7 +66,7 @@ impl Iteration<'_> {
         self.light_path(stream, keep, ends, splats);
     }
 
-    /// Walks a light path: connects its vertices to the camera, and keeps those that a camera walk can use.
+    /// Traces a light path: connects its vertices to the camera, and passes those that a camera walk can use to `keep`.
     pub(super) fn light_path(
         &self,
         stream: &mut impl Sampler,
@@ -114,7 +114,7 @@ impl Iteration<'_> {
                 (&mut chain, ends, splats),
             );
             let merges = self.settings.merging.is_some();
-            // The camera walk that merges draws one of two BSDFs on its own: that of the light walk does not matter.
+            // The camera walk may draw another BSDF here than a Dirac one that the light walk has drawn.
             let merged =
                 merges && vertex.merges && (!vertex.is_delta() || vertex.chooses_bsdf(scene));
             let connected = more && strategies.connects() && !vertex.is_delta();
@@ -156,7 +156,7 @@ impl Iteration<'_> {
         }
     }
 
-    /// Walks a camera path on all its ways: the sum of all contributions that end at its vertices.
+    /// Traces a camera path along all its ways; returns the sum of all contributions that end at its vertices.
     pub(super) fn camera_path<O: PathObserver>(
         &self,
         pixel: UVec2,
@@ -179,7 +179,7 @@ impl Iteration<'_> {
         total
     }
 
-    /// The same on one way.
+    /// The same along one way.
     pub(super) fn camera_way<O: PathObserver>(
         &self,
         pixel: UVec2,
@@ -194,7 +194,7 @@ impl Iteration<'_> {
         let mut prefix = self.prefix();
         let mut probes = self.probe_stream(pixel);
         let mut total = Total::new(strategies);
-        // True up to the first draw from a smooth lobe.
+        // True until the first draw from a non-Dirac lobe.
         let mut is_seen = true;
         for n in 1..=self.settings.max_vertices + 1 {
             let edge = |s| Strategy::Connection { s, t: n + 1 };
@@ -277,7 +277,7 @@ impl Iteration<'_> {
             if vertex.n + other.n > self.settings.max_vertices {
                 break;
             }
-            // Kept for merges alone.
+            // Stored for merges only.
             if other.is_delta() {
                 continue;
             }
@@ -292,7 +292,7 @@ impl Iteration<'_> {
     }
 }
 
-/// The first vertex of a camera walk as observers see it.
+/// A vertex of a camera walk in the form that observers take.
 pub(super) fn point<'a>(walk: &WeightedWalk<'a>, vertex: &'a Vertex) -> ShadingPoint<'a> {
     ShadingPoint {
         scene: walk.base.scene,

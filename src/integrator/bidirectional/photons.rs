@@ -1,8 +1,8 @@
-//! Light vertices that are kept for an iteration, and a hash grid over them for merging.
+//! Stored light vertices of an iteration, and a hash grid over them for merging.
 //!
-//! The edge of a cell is 2r, so that a ball of radius r lies in at most eight cells, whose buckets are visited in a fixed
-//! order and each once: cells that share a bucket count no photon twice. A bucket holds its photons in the order of
-//! their light paths, so that sums are bit-identical at any number of threads.
+//! The edge of a cell is 2r, so that a ball of radius r lies in at most eight cells, whose buckets are visited in a
+//! fixed order and each once: cells that share a bucket count no photon twice. A bucket holds its photons in the order
+//! of their light paths, so that sums are bit-identical at any number of threads.
 
 use super::split::Trail;
 use super::vertex::Vertex;
@@ -13,13 +13,13 @@ use crate::scene::{Hit, Scene, TriangleId};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// A light vertex without what follows from its hit.
+/// A light vertex without the data that can be rebuilt from its hit.
 #[derive(Clone, Copy)]
 pub(super) struct Photon {
     /// World direction towards the previous vertex.
     pub(super) back: Vec3,
-    /// Number of the vertex in its walk, four times; two more if the neighbour behind allows merges, and one more if the walk has
-    /// come straight from the light.
+    /// 4 n for vertex n of its walk, plus 2 if the previous vertex allows merges here, plus 1 if the walk has come
+    /// straight from the light.
     number: u32,
     /// Index of the triangle, see [`TriangleId::index`].
     index: u32,
@@ -27,7 +27,7 @@ pub(super) struct Photon {
     choice: f32,
 }
 
-/// Light of a photon. Apart from the rest, so that less is there twice while photons are put in order.
+/// Light of a photon. In a separate list, so that sorting duplicates less memory at a time.
 #[derive(Clone, Copy)]
 pub(super) struct Arrived {
     /// Flux per area and cosine.
@@ -43,7 +43,7 @@ pub(super) const MIN_COS: f32 = 0.9;
 /// Greatest distance of a photon from the plane of the vertex that it merges with, over the radius.
 pub(super) const MAX_HEIGHT: f32 = 0.25;
 
-/// Photons near a vertex that are looked up together.
+/// Photons near a vertex that are processed together.
 const NEAR: usize = 32;
 
 impl Photon {
@@ -69,13 +69,13 @@ impl Photon {
         self.number % 2 == 1
     }
 
-    /// True if the neighbour behind allows merges.
+    /// True if the previous vertex allows merges here.
     #[inline]
     fn merges(&self) -> bool {
         self.number & 2 == 2
     }
 
-    /// The vertex again, in the instance of this number and with this index of refraction, without what is around it.
+    /// Rebuilds the vertex, in this instance and with this index of refraction, but without the media around it.
     fn vertex(&self, arrived: &Arrived, scene: &Scene, instance: u32, eta: Option<f32>) -> Vertex {
         let hit = Hit {
             t: 0.0,
@@ -114,20 +114,20 @@ pub(super) struct LightVertices {
     places: Vec<Place>,
     /// Vertices that do not merge.
     others: Vec<(Photon, Arrived)>,
-    /// Number of each vertex among those that merge, twice, or among the others, twice and one more.
+    /// For each vertex, 2 i with i its index in `photons`, or 2 i + 1 with i its index in `others`.
     numbers: Vec<u32>,
-    /// Numbers of instances: one a vertex, or none where the scene has no instances.
+    /// Instance of each vertex; empty if the scene has no instances.
     instances: Vec<u32>,
-    /// Indices of refraction: one a vertex, or none where that of an interface is the same for all paths.
+    /// Index of refraction at each vertex; empty if every interface has the same index for all paths.
     etas: Vec<Option<f32>>,
-    /// One a vertex, or none.
+    /// One per vertex, or empty.
     trails: Vec<Trail>,
-    /// First vertex of each path but the first.
+    /// For each path, the index of the vertex after its last.
     ends: Vec<u32>,
 }
 
 impl LightVertices {
-    /// Adds a vertex to the path that is open.
+    /// Adds a vertex to the current path.
     pub(super) fn push(&mut self, vertex: &Vertex, scene: &Scene, trail: Option<Trail>) {
         let photon = Photon::new(vertex);
         let arrived = Arrived {
@@ -154,7 +154,7 @@ impl LightVertices {
         self.trails.extend(trail);
     }
 
-    /// Closes a path.
+    /// Ends the current path.
     pub(super) fn end(&mut self) {
         self.ends.push(self.numbers.len() as u32);
     }
@@ -164,7 +164,7 @@ impl LightVertices {
         self.ends.len() as u32
     }
 
-    /// Appends the paths of another list; there will be `all` paths in the end.
+    /// Appends the paths of another list; the final number of paths is `all`.
     pub(super) fn append(&mut self, other: Self, all: u32) {
         let first = self.numbers.len() as u32;
         let lengths = [self.photons.len(), self.others.len()].map(|length| length as u32);
@@ -183,11 +183,11 @@ impl LightVertices {
         extend(&mut self.ends, ends.collect(), share);
     }
 
-    /// Bytes that a path takes on average, the grid over them included.
+    /// Average number of bytes per path, with its share of the grid.
     pub(super) fn bytes_per_path(&self) -> usize {
         let vertex = size_of::<Photon>() + size_of::<Arrived>();
         let by_path = self.numbers.len() * (vertex + 4);
-        // Up to two buckets of four bytes. While they are put in order a key, a number, and one list a second time.
+        // Up to two buckets of four bytes. During the sort also a key, an index, and a copy of one list.
         let merging = size_of::<Place>() + 8 + 8 + size_of::<Photon>();
         let by_place = self.photons.len() * merging;
         let trails = 2 * self.trails.len() * size_of::<Trail>();
@@ -197,8 +197,8 @@ impl LightVertices {
     }
 }
 
-/// Extends a list that will be `share` times as long in the end. It gets that much room and a sixteenth more: doubling would take up to
-/// twice the memory.
+/// Extends a list whose final length is about `share` times the new one, and reserves a sixteenth more than that:
+/// doubling would take up to twice the memory.
 fn extend<T>(list: &mut Vec<T>, more: Vec<T>, share: f64) {
     let length = list.len() + more.len();
     if length > list.capacity() {
@@ -208,7 +208,7 @@ fn extend<T>(list: &mut Vec<T>, more: Vec<T>, share: f64) {
     list.extend(more);
 }
 
-/// Photons by place.
+/// Hash grid of photons.
 pub(super) struct PhotonMap {
     radius: f32,
     low: DVec3,
@@ -216,14 +216,14 @@ pub(super) struct PhotonMap {
     scale: f64,
     /// First photon of each bucket, and the end of the last.
     buckets: Vec<u32>,
-    /// The light vertices, of which those that merge are bucket by bucket. Their places, which decide whether they merge, are apart from
-    /// the rest: most that are looked at do not.
+    /// The light vertices; those that merge are sorted by bucket. Positions are a separate list, since most photons
+    /// that a query tests do not merge.
     vertices: LightVertices,
-    /// Trails of those that merge, bucket by bucket; or none.
+    /// Trails of the vertices that merge, sorted by bucket; or empty.
     trails: Vec<Trail>,
 }
 
-/// Position of a photon, and its geometric normal in units of 1/127 with 1 if the photon arrives on its side, else 0.
+/// Position of a photon; its geometric normal in units of 1/127, and 1 if it arrives on the normal's side, else 0.
 #[derive(Clone, Copy)]
 struct Place {
     position: Vec3,
@@ -237,7 +237,7 @@ impl Place {
     }
 }
 
-/// A bucket of a table of 2^k. Neighbours along x lie side by side.
+/// Bucket of a cell in a table of 2^k buckets. Cells that are neighbours along x have consecutive buckets.
 fn bucket([x, y, z]: [i64; 3], mask: u32) -> u32 {
     let [y, z] = [y, z].map(|c| c as u64);
     let mut h = y.wrapping_mul(0xc2b2_ae3d_27d4_eb4f) ^ z.wrapping_mul(0x1656_67b1_9e37_79f9);
@@ -247,8 +247,8 @@ fn bucket([x, y, z]: [i64; 3], mask: u32) -> u32 {
 }
 
 impl PhotonMap {
-    /// Sorts photons that can merge into at least as many buckets. The photons of a bucket lie side by side: looking for them is a matter
-    /// of waiting for memory.
+    /// Sorts photons that can merge into at least as many buckets. The photons of a bucket are contiguous, since memory
+    /// latency dominates a query.
     pub(super) fn new(mut vertices: LightVertices, low: Vec3, radius: f32) -> Self {
         let size = vertices.photons.len().next_power_of_two();
         let mask = size as u32 - 1;
@@ -272,7 +272,7 @@ impl PhotonMap {
         for i in 0..size {
             map.buckets[i + 1] += map.buckets[i];
         }
-        // Counting sort: each bucket's start moves to its end, and one place down again. Keys become places in the order.
+        // Counting sort: each bucket's start advances to its end; the rotation restores it. Keys become new indices.
         let mut sorted = vec![0u32; keys.len()];
         for (i, key) in (0..).zip(&mut keys) {
             let at = &mut map.buckets[*key as usize];
@@ -282,7 +282,7 @@ impl PhotonMap {
         }
         map.buckets.rotate_right(1);
         map.buckets[0] = 0;
-        // List by list: one of them at a time is there twice.
+        // List by list, so that memory holds only one of them twice at a time.
         gather(&mut vertices.places, &sorted);
         gather(&mut vertices.arrived, &sorted);
         gather(&mut vertices.photons, &sorted);
@@ -299,12 +299,12 @@ impl PhotonMap {
         map
     }
 
-    /// Number of light paths whose photons these are.
+    /// Number of light paths.
     pub(super) fn paths(&self) -> u32 {
         self.vertices.paths()
     }
 
-    /// Vertices of a path with fewer than `most` before them, built again.
+    /// Rebuilds the vertices of a path up to its vertex number `most`.
     pub(super) fn of_path(
         &self,
         path: u32,
@@ -345,7 +345,7 @@ impl PhotonMap {
         }
     }
 
-    /// Vertices before a photon, where they are known.
+    /// Trail of a photon, if trails are stored.
     #[inline]
     fn trail(&self, index: u32) -> Option<&Trail> {
         self.trails.get(index as usize)
@@ -368,7 +368,7 @@ impl PhotonMap {
         });
     }
 
-    /// The same with the way from the vertex to each photon.
+    /// The same with the vector from the vertex to each photon.
     #[inline]
     pub(super) fn around_from(
         &self,
@@ -382,7 +382,7 @@ impl PhotonMap {
             let i = i as i64;
             bucket([x + (i & 1), y + (i >> 1 & 1), z + (i >> 2)], mask)
         });
-        // All at once: none waits for the photons of another.
+        // All ranges first, so that their memory loads overlap.
         let ranges = buckets.map(|key| self.buckets[key as usize]..self.buckets[key as usize + 1]);
         let (mut near, mut count) = ([0; NEAR], 0);
         for (i, range) in ranges.into_iter().enumerate() {
@@ -405,7 +405,7 @@ impl PhotonMap {
         self.visit(&near[..count], (p, ng), &mut visit);
     }
 
-    /// Visits those of these photons that lie on the surface of this point and normal.
+    /// Visits those of these photons that arrive on the same side of the plane of this vertex as of their own.
     fn visit(
         &self,
         near: &[u32],
@@ -418,11 +418,11 @@ impl PhotonMap {
             places,
             ..
         } = &self.vertices;
-        // In a loop of its own, so that no photon waits for the memory of another.
+        // In a separate loop, so that the memory loads of several photons overlap.
         let mut there = [false; NEAR];
         for (there, &index) in there.iter_mut().zip(near) {
             let outside = places[index as usize].ng[3] == 1;
-            // One that grazes a neighbouring facet from outside may come from below this one.
+            // A photon that grazes a neighbouring facet from outside may come from below this facet.
             *there = (photons[index as usize].back.dot(ng) > 0.0) == outside;
         }
         for (&index, _) in near.iter().zip(there).filter(|(_, there)| *there) {
@@ -434,7 +434,7 @@ impl PhotonMap {
     }
 }
 
-/// True if a photon that is so far from a vertex of this normal lies within the radius, near its plane.
+/// True if a photon at offset `to` from a vertex of normal `ng` lies within the radius and near the plane.
 #[inline]
 pub(super) fn is_within(to: Vec3, ng: Vec3, radius: f32) -> bool {
     to.length_squared() <= radius * radius && to.dot(ng).abs() <= MAX_HEIGHT * radius

@@ -1,10 +1,10 @@
 //! Path space regularisation of paths that no strategy can sample `[PSR §4.5]`.
 //!
-//! Lights that no camera walk can meet are found by a connection of two smooth vertices, where the camera and the light
-//! itself count as smooth. A path without such an edge has, at both ends, an edge with one Dirac end. Its Dirac lobe is
-//! spread over a cone of ε = atan(r/l) about the ideal direction, with l the length of the edge. All edges with one
-//! Dirac end would do, but have different integrands, so that there is no weight between them: the longest edge of the
-//! path is taken, which has the smallest cone and the least bias. Edges with two Dirac ends never are.
+//! Lights that no camera walk can hit are found by a connection of two non-Dirac vertices; camera and light count as
+//! such. A path without such an edge has, at both ends, an edge with one Dirac end. Its Dirac lobe is spread over a
+//! cone of ε = atan(r/l) about the ideal direction, with l the length of the edge. Every edge with one Dirac end could
+//! be spread, but the integrands differ, so that no MIS weights combine them: the longest such edge of the path is
+//! spread, which has the smallest cone and the least bias. Edges with two Dirac ends are never spread.
 
 use super::iteration::Iteration;
 use super::vertex::Vertex;
@@ -19,7 +19,7 @@ use crate::scene::{EmissionSample, Surface};
 /// Properties of a walk's edges that decide where it is regularised.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Chain {
-    /// True if some edge joins two smooth vertices.
+    /// True if some edge joins two non-Dirac vertices.
     samplable: bool,
     /// Length of the longest edge with one Dirac end.
     longest: f32,
@@ -28,7 +28,7 @@ pub(super) struct Chain {
 }
 
 impl Chain {
-    /// The chain with one more edge, and a vertex that is passed by a Dirac lobe or not.
+    /// The chain with one more edge, and a vertex that is Dirac if `delta`.
     fn with(self, delta: bool, length: f32) -> Self {
         Self {
             samplable: self.samplable || !(self.delta || delta),
@@ -41,7 +41,7 @@ impl Chain {
         }
     }
 
-    /// True if the path of two walks is closed by an edge of this length, and by no other.
+    /// True if an edge of this length that joins two walks is the one at which their path is regularised.
     fn closes(&self, other: &Self, length: f32) -> bool {
         !self.samplable
             && !other.samplable
@@ -57,7 +57,7 @@ impl Chain {
     };
 }
 
-/// A vertex that a walk passed by a Dirac lobe.
+/// A vertex at which a walk follows a Dirac lobe.
 struct DiracEnd {
     n: u32,
     surface: Surface,
@@ -103,14 +103,14 @@ impl Ends {
 }
 
 impl Iteration<'_> {
-    /// Distance at which a light at infinity counts.
+    /// Distance that stands for a light at infinity.
     fn far(&self) -> f32 {
         let (low, high) = self.view.scene.geometry().bounds();
         low.distance(high)
     }
 
-    /// Notes a vertex of a light walk that came along an edge of this length, before roulette; `drawn` tells how it goes
-    /// on. Connects it to the camera if that is the path's longest edge.
+    /// Stores a vertex of a light walk as an end of regularised edges, before roulette; `drawn` is the draw there.
+    /// Connects a Dirac vertex to the camera if that edge is the path's longest.
     pub(super) fn note_light(
         &self,
         start: &EmissionSample,
@@ -169,7 +169,7 @@ impl Iteration<'_> {
         Some(Splat { value, ..splat })
     }
 
-    /// Closes paths at a vertex of the camera walk, before roulette; `drawn` tells how it goes on.
+    /// Closes paths by regularised edges at a vertex of the camera walk, before roulette; `drawn` is the draw there.
     pub(super) fn regularised(
         &self,
         walk: &WeightedWalk<'_>,
@@ -227,7 +227,7 @@ impl Iteration<'_> {
         throughput * light.radiance * transmittance / light.density.value()
     }
 
-    /// A Dirac vertex of the camera walk and a smooth one of the light walk.
+    /// A Dirac vertex of the camera walk and a non-Dirac vertex of the light walk.
     fn dirac_to_smooth(
         &self,
         end: &DiracEnd,
@@ -257,7 +257,7 @@ impl Iteration<'_> {
         throughput * transmittance * there.value * light.throughput * (cos / (distance * distance))
     }
 
-    /// A smooth vertex of the camera walk and a Dirac one of the light walk.
+    /// A non-Dirac vertex of the camera walk and a Dirac vertex of the light walk.
     fn smooth_to_dirac(
         &self,
         vertex: &Vertex,

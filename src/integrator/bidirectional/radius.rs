@@ -8,7 +8,7 @@ use crate::scene::sensor::RayDensity;
 /// A radius that shrinks from iteration to iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Radius {
-    /// Radius of the first iteration in world units, above 0; chosen for the view where it is `None`.
+    /// Radius of the first iteration in world units, above 0; `None` to choose it for the view.
     pub first: Option<f32>,
     /// Exponent α in (0, 1] of `[UPS (19)–(23)]`: rᵢ = r₁ i^((α − 1)/2). The variance falls as i^−α and the bias as
     /// i^−(1 − α), so that 2/3 is best; 1 keeps the radius and its bias.
@@ -21,23 +21,23 @@ impl Default for Radius {
     }
 }
 
-/// Camera rays a side of the lattice over which the first radius is chosen.
+/// Camera rays per side of the lattice from which the first radius is computed.
 const LATTICE: u32 = 64;
 
-/// Dirac lobes that a ray of the lattice follows.
+/// Most Dirac lobes that a ray of the lattice follows.
 const MAX_DIRAC: u32 = 16;
 
-/// Bounds of an automatic radius over the scene's own.
+/// Bounds of an automatic radius, over half the diagonal of the scene.
 const BOUNDS: [f32; 2] = [1e-5, 1e-2];
 
 impl Radius {
-    /// The radius that suits the view, with the best exponent.
+    /// A radius chosen for the view, with the best exponent.
     pub(crate) const DEFAULT: Self = Self {
         first: None,
         alpha: 2.0 / 3.0,
     };
 
-    /// Radius of iteration `sample`, counted from 0, after this first one.
+    /// Radius of iteration `sample`, counted from 0, where `first` is that of iteration 0.
     pub fn at(&self, first: f32, sample: u32) -> f32 {
         let shrink = (f64::from(sample) + 1.0).powf(0.5 * (f64::from(self.alpha) - 1.0));
         (f64::from(first) * shrink) as f32
@@ -85,7 +85,7 @@ fn footprint(view: &View<'_>, film: Vec2) -> Option<f32> {
             let area = if parallel { 1.0 } else { distance * distance } / (pdf * cos);
             return area.is_finite().then(|| area.sqrt());
         }
-        // A lobe is chosen by its share: the middle of the range is in the stronger.
+        // A random number of 0.5 selects the stronger lobe.
         let sample = bsdf.sample(alpha, frame.to_local(-ray.dir), [0.5; 3])?;
         if sample.weight == Rgb::ZERO {
             return None;

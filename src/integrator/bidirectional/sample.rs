@@ -1,7 +1,7 @@
-//! One sample of every pixel, cut into pieces: chunks of light paths, and of the camera paths that they serve.
+//! One sample of every pixel, cut into pieces: chunks of light paths, and of the camera paths connected to them.
 //!
-//! All pixels share the light paths. If the first sample is stopped, those that were walked stand for all: their splats and
-//! photons count more, and a pixel has a sample if its camera path was walked. Its expectation is that of a whole sample.
+//! All pixels share the light paths. If the first sample is stopped, the splats and photons so far are scaled up to
+//! stand for all, and a pixel has a sample if its camera path was traced. The expectation stays the same.
 
 use super::guides::Guides;
 use super::iteration::Iteration;
@@ -23,13 +23,13 @@ use std::sync::Mutex;
 /// Paths that a thread takes at a time.
 const CHUNK: u32 = 1024;
 
-/// Chunks of light paths that are walked before their vertices are joined: few enough to hold little twice.
+/// Chunks of light paths that are traced before their vertices are joined; few, since memory holds these twice.
 const BATCH: u32 = 32;
 
 /// Light of one sample of the pixels of a window.
 pub(super) struct SampleLayer {
     sums: SplatLayer,
-    /// True for pixels whose camera path was walked.
+    /// True for pixels whose camera path was traced.
     walked: Vec<bool>,
 }
 
@@ -49,7 +49,7 @@ impl SampleLayer {
         }
     }
 
-    /// Adds the sample to a film. The layer is empty again.
+    /// Adds the sample to a film and empties the layer.
     fn take(&mut self, film: &mut Film, sample: u32) {
         for (index, value) in self.sums.take().enumerate() {
             if std::mem::take(&mut self.walked[index]) {
@@ -73,8 +73,8 @@ struct PairedChunk {
 }
 
 impl Iteration<'_> {
-    /// Adds one sample of every pixel to a picture by way of an empty layer; `None` if the render was stopped and the films are
-    /// unchanged.
+    /// Adds one sample of every pixel to a picture, using an empty layer; `None` if the render was stopped and the
+    /// films are unchanged.
     pub(super) fn add(&self, layer: &mut SampleLayer, picture: &mut Picture) -> Option<()> {
         let Picture { film, aovs, levels } = picture;
         if !self.settings.radii.is_empty() {
@@ -121,7 +121,7 @@ impl Iteration<'_> {
         }
     }
 
-    /// Light paths with the camera paths that they serve.
+    /// Traces light paths together with the camera paths connected to them.
     fn paired_paths<O: Recorder>(&self, layer: &mut SampleLayer, recorder: &mut O) -> Option<()> {
         let pieces = Pieces::new(self.paths, CHUNK);
         let driver = self.view.driver();
@@ -135,7 +135,7 @@ impl Iteration<'_> {
         Some(())
     }
 
-    /// A range of light paths and the camera paths that they serve.
+    /// Traces a range of light paths and the camera paths connected to them.
     fn paired_chunk<O: PathObserver>(&self, paths: Range<u32>, observer: &mut O) -> PairedChunk {
         let mut chunk = PairedChunk::default();
         let mut light = LightPath::default();
@@ -154,7 +154,7 @@ impl Iteration<'_> {
         chunk
     }
 
-    /// The vertices of all light paths, for merges within a radius. Their splats go to a layer.
+    /// Traces all light paths: a map of their vertices for merges within a radius. Their splats are added to a layer.
     fn photon_map(&self, radius: f32, layer: &mut SplatLayer) -> Option<PhotonMap> {
         let pieces = Pieces::new(self.paths, CHUNK).in_batches(BATCH);
         self.view.driver().shared(|driver: &Driver<'_>| {
@@ -185,7 +185,7 @@ impl Iteration<'_> {
         chunk
     }
 
-    /// All camera paths of the window.
+    /// Traces all camera paths of the window.
     fn camera_paths<O: Recorder>(
         &self,
         map: &PhotonMap,
@@ -195,7 +195,7 @@ impl Iteration<'_> {
         let window = self.view.window;
         let pieces = Pieces::new(window.len() as u32, CHUNK);
         let driver = self.view.driver();
-        // Every pixel gets one value: the order of pieces does not matter. A layer of a sample that is dropped is of no use.
+        // Every pixel gets one value: the order of pieces does not matter. The layer of a dropped sample is not used.
         let layer = Mutex::new(layer);
         driver.run_recorded(pieces, recorder, |indices, observer| {
             let mut light = LightPath::default();
@@ -218,7 +218,7 @@ impl Iteration<'_> {
         Some(())
     }
 
-    /// Adds one sample of every pixel of photon density at several radii: the first to the film, all to its levels.
+    /// Adds one sample of every pixel by photon density at several radii: the first to the film, all to its levels.
     fn add_radii<O: Recorder>(
         &self,
         film: &mut Film,

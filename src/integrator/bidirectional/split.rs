@@ -1,22 +1,22 @@
-//! Learned roughening of a path's last vertex `[OPSR]` beside strategies that need none.
+//! Learned roughening `[OPSR]` of the last vertex of paths that no strategy samples well.
 //!
-//! The value at the last vertex x_n is f = f_base + f_gloss(α), of which only the glossy (or Dirac) lobe is ever
-//! roughened. The integrand is a function of the path, never of the strategy that finds it:
+//! The value at the last vertex x_n is f = f_base + f_gloss(α); only the glossy (or Dirac) lobe f_gloss is roughened.
+//! The integrand is a function of the path, never of the strategy that finds it:
 //!
 //! ```text
 //! f* = f_base + (1 − h) f_gloss(α) + h f_gloss(α′)        h = 1 − smoothstep(0.1, 0.3, Q)
 //! ```
 //!
-//! Q says how well connections reach the path: the greatest roughness of an edge, which is the lesser one of its two
-//! ends. Camera and light have roughness 1, x_n that of its glossy lobe, a Dirac event 0, other vertices the mean of their
-//! lobes by value; where walks merge, a vertex counts like an edge. h does not depend on the direction from x_n to the light, so
-//! that the glossy lobe's energy is kept; α′ follows from the same roughness values. Where x₁ … xₙ₋₁ all are Dirac, α′ = α
-//! and h = 0.
+//! Q measures how well connections sample the path: it is the greatest roughness of an edge, and an edge has the
+//! smaller roughness of its two ends. Camera and light have roughness 1, x_n that of its glossy lobe, a Dirac event 0,
+//! other vertices the mean of their lobes weighted by value. Where walks merge, a vertex counts like an edge. h does
+//! not depend on the direction from x_n to the light, so that the glossy lobe's energy is kept; α′ follows from the
+//! same roughness values. Where x₁ … xₙ₋₁ all are Dirac, α′ = α and h = 0.
 //!
-//! The *easy part* is every contribution of the unregularised estimator, with its weights, times 1 − g h, where g is the
-//! share of the glossy lobe in the value at x_n. The *hard part* h f_gloss(α′) is estimated by the camera walk alone, as in
-//! the path tracer: light sampling and a ray of its own. Since each has one integrand, the sum has the expectation ∫ f*
-//! whatever the weights; roughening in every strategy would count light twice.
+//! The *easy part* is every contribution of the unregularised estimator, with its weights, times 1 − g h, where g is
+//! the share of the glossy lobe in the value at x_n. The *hard part* h f_gloss(α′) is estimated by the camera walk
+//! alone, as in the path tracer: light sampling and a ray of its own. Since each has one integrand, the sum has the
+//! expectation ∫ f* whatever the weights; roughening in every strategy would count light twice.
 
 use super::iteration::Iteration;
 use super::vertex::Vertex;
@@ -40,7 +40,7 @@ pub(super) fn share(best: f32) -> f32 {
 /// Lobes that scatter at a vertex between two directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Event {
-    /// Mean roughness by value.
+    /// Mean roughness of the lobes, weighted by their values.
     pub(super) roughness: f32,
     /// Share g of the glossy lobe in the value.
     pub(super) gloss: Rgb,
@@ -99,7 +99,7 @@ impl Vertex {
         Event::between(&self.bsdf, self.alpha, self.seen_from(out))
     }
 
-    /// The value towards the light without the share `h` of the glossy lobe, which is roughened.
+    /// Easy part of light from `out`: the factor 1 − g h on the value.
     #[inline]
     pub(super) fn easy_part(&self, out: Vec3, h: f32) -> Rgb {
         if h == 0.0 {
@@ -109,7 +109,7 @@ impl Vertex {
     }
 }
 
-/// Edges of a walk so far.
+/// Roughness of the edges of a walk so far.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     /// Roughness of the best edge.
@@ -125,7 +125,7 @@ impl Reach {
         last: 1.0,
     };
 
-    /// One more vertex of this roughness; `merges` if merging finds it.
+    /// One more vertex of this roughness; `merges` if walks merge at it.
     #[inline]
     fn with(self, roughness: f32, merges: bool) -> Self {
         let edge = if merges {
@@ -146,7 +146,7 @@ impl Reach {
     }
 }
 
-/// Vertices of a light walk before one that is kept.
+/// Summary of a light walk before a stored vertex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Trail {
     reach: Reach,
@@ -167,7 +167,7 @@ impl Trail {
     #[inline]
     fn with(self, vertex: &Vertex, event: Event, merges: bool) -> Self {
         if vertex.first {
-            // The path's last vertex: of its glossy lobe alone, whatever the direction to the light.
+            // The path's last vertex has the roughness of its glossy lobe, whatever the direction to the light.
             Self {
                 reach: self.reach.with(vertex.alpha, merges),
                 gloss: event.gloss,
@@ -181,16 +181,16 @@ impl Trail {
     }
 }
 
-/// Vertices of a camera walk so far.
+/// Summary of a camera walk so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Prefix<'a> {
     rule: Option<&'a Accumulated>,
     memory: AccumulatedPath,
     reach: Reach,
-    /// True if some vertex was passed by a smooth lobe.
+    /// True if the walk has followed a non-Dirac lobe.
     smooth: bool,
     merges: bool,
-    /// Easy part of light that the walk meets next.
+    /// Easy part of emission at the end of the walk's current edge.
     pub(super) met: Rgb,
 }
 
@@ -218,7 +218,7 @@ impl Prefix<'_> {
         Rgb::ONE - there.gloss * share(reach.join(&there.reach))
     }
 
-    /// Easy part of a merge at this vertex with a light walk that came along `back`, straight from its light or not.
+    /// Easy part of a merge at this vertex with a light walk from `back`; `first` if straight from its light.
     #[inline]
     pub(super) fn merged(&self, vertex: &Vertex, first: bool, back: Vec3, trail: &Trail) -> Rgb {
         if self.rule.is_none() || self.reach.best.max(trail.reach.best) >= ROUGH {
@@ -232,7 +232,7 @@ impl Prefix<'_> {
         Rgb::ONE - trail.gloss * share(best)
     }
 
-    /// Appends a vertex that the walk leaves along `out`, by a smooth lobe or not; `h` is its [share](Prefix::share).
+    /// Appends a vertex left along `out`, by a Dirac lobe unless `smooth`; `h` is its [share](Prefix::share).
     #[inline]
     pub(super) fn scatter(&mut self, vertex: &Vertex, out: Vec3, smooth: bool, h: f32) {
         let Some(rule) = self.rule else {
@@ -252,7 +252,7 @@ impl Prefix<'_> {
         self.reach = self.reach.with(event.roughness, self.merges);
         let scattered = Scattered {
             alpha: event.roughness,
-            // Not asked for.
+            // Not used by this rule.
             pdf_w: f32::INFINITY,
         };
         rule.scatter(&mut self.memory, scattered);
@@ -272,7 +272,7 @@ impl<'a> Iteration<'a> {
         }
     }
 
-    /// A light walk's trail after a vertex that it leaves along `out`, by a smooth lobe or not.
+    /// A light walk's trail after a vertex that it leaves along `out`, by a Dirac lobe unless `smooth`.
     #[inline]
     pub(super) fn trail(&self, trail: Trail, vertex: &Vertex, out: Vec3, smooth: bool) -> Trail {
         if self.rule.is_none() || trail.reach.best >= ROUGH {
@@ -289,7 +289,7 @@ impl<'a> Iteration<'a> {
     /// Easy part of a light walk's vertex connected to the camera along `out`.
     #[inline]
     pub(super) fn seen_part(&self, vertex: &Vertex, trail: &Trail, out: Vec3) -> Rgb {
-        // One vertex has no prefix.
+        // A path of one vertex has no prefix.
         if self.rule.is_none() || vertex.first || trail.reach.best >= ROUGH {
             return Rgb::ONE;
         }

@@ -3,17 +3,17 @@
 use crate::math::Rgb;
 use std::fmt;
 
-/// The strategies that count, and their weights. Strategy (s, t) takes s vertices of a path from the light walk and t
-/// from the camera walk.
+/// The strategies that contribute, and their weights. Strategy (s, t) takes s vertices of a path from the light walk
+/// and t from the camera walk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strategies {
     /// All, by the balance heuristic.
     All,
-    /// Light tracing: t = 1, and lights met by the camera walk before its first smooth draw; weight 1.
+    /// Light tracing: t = 1, and lights that the camera walk hits before its first non-Dirac draw; weight 1.
     Light,
-    /// Photon density: merges at the first rough lobe of a camera walk, and lights met before it; weight 1.
+    /// Photon density: merges at rough lobes of a camera walk along sharp ones, and lights found by these.
     Density,
-    /// One of all, with the weights that it has there: the pictures of all add up to the whole.
+    /// One strategy with its weight among all: the pictures of all strategies add up to the whole.
     One(Strategy),
     /// One strategy with weight 1, for tests.
     Only {
@@ -39,7 +39,7 @@ pub enum Strategy {
 }
 
 impl fmt::Display for Strategy {
-    /// As `--set strategy` takes it.
+    /// The format of `--set strategy`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Connection { s, t } => write!(f, "{s},{t}"),
@@ -65,7 +65,7 @@ impl Strategies {
         matches!(self, Self::All | Self::One(_) | Self::Only { .. })
     }
 
-    /// True if the picture shows this part of what is computed.
+    /// True if the picture includes contributions of this strategy.
     #[inline]
     pub(super) fn shows(self, strategy: Strategy) -> bool {
         match self {
@@ -101,7 +101,7 @@ impl Total {
         }
     }
 
-    /// Adds what belongs to no strategy.
+    /// Adds a contribution that belongs to no strategy.
     #[inline]
     pub(super) fn show(&mut self, value: Rgb) {
         self.all += value;

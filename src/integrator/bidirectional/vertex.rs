@@ -1,8 +1,8 @@
 //! A vertex of either walk: its value towards the camera, and the densities of both walks.
 //!
-//! In every strategy the value is the one of the path tracer: f·|cos| for `wo` towards the *camera* and `wi` towards the
-//! *light*, in the frame for `wo`. There is no adjoint BSDF: only the density depends on the walk, and the frame of a
-//! density is the one for the direction its walk came from.
+//! In every strategy the value is the one of the path tracer: f·|cos| for `wo` towards the *camera* and `wi` towards
+//! the *light*, in the frame for `wo`. There is no adjoint BSDF: only the density depends on the walk, and the frame of
+//! a density is the one for the direction its walk came from.
 
 use super::weights::{Partial, clamped};
 use crate::bsdf::{Bsdf, BsdfEval, LobeQuery};
@@ -15,7 +15,7 @@ use crate::scene::{Hit, Scene, Sighting, Surface};
 pub(super) struct Vertex {
     /// Number of the vertex in its walk, from 1.
     pub(super) n: u32,
-    /// True if the walk has come straight from its end, panes left out.
+    /// True if the walk has come straight from the camera or the light, except for panes.
     pub(super) first: bool,
     /// The surface and BSDF follow from these two.
     pub(super) hit: Hit,
@@ -28,26 +28,26 @@ pub(super) struct Vertex {
     /// Shading frame for `back`, and `back` in it.
     pub(super) frame: Frame,
     pub(super) local: Vec3,
-    /// Throughput before the vertex; in a light walk over |ng · back|: flux per area and cosine.
+    /// Throughput before the vertex; in a light walk divided by |ng · back|: flux per area and cosine.
     pub(super) throughput: Rgb,
     pub(super) partial: Partial<f32>,
-    /// True if the neighbour behind allows merges here.
+    /// True if the previous vertex allows merges here.
     pub(super) merges: bool,
     /// Media around the previous edge.
     pub(super) around: Surroundings,
 }
 
-/// Roughness from which walks of photon density estimation merge at a glossy lobe instead of following it, and from which a
-/// surface allows no merges at its neighbours.
+/// Roughness from which walks of photon density estimation merge at a glossy lobe instead of following it, and from
+/// which a surface allows no merges at its neighbours.
 const MIN_MERGED: f32 = 0.25;
 
 /// The rule of merges: walks merge at vertices between two neighbours that allow it.
 ///
-/// An edge between two rough surfaces is sampled well by a connection, and one to a light by light sampling. Merges at their ends
-/// would take most of the time, and share their errors with neighbouring pixels. So rough surfaces and lights allow no merges at
-/// their neighbours. Two kinds of vertices do although they are not sharp: near ones, since connections of short edges have a high
-/// variance, and the camera, since light paths that are connected to it are fewer than photons. The rule depends on the
-/// path alone, so that all strategies have the same weights for it.
+/// An edge between two rough surfaces is sampled well by a connection, and one to a light by light sampling. Merges at
+/// their ends would take most of the time, and correlate the errors of neighbouring pixels. So rough surfaces and
+/// lights allow no merges at their neighbours. Two kinds of vertices allow them without being sharp: near ones, since
+/// connections of short edges have a high variance, and the camera, since fewer light paths connect to it than there
+/// are photons. The rule depends on the path alone, so that all strategies agree on its weights.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MergeRule {
     /// Distance within which surfaces allow merges.
@@ -57,7 +57,8 @@ pub(super) struct MergeRule {
 }
 
 impl MergeRule {
-    /// True if a vertex allows merges at a neighbour at this distance; `is_sharp` as of [`Vertex::is_sharp`], true for the camera.
+    /// True if merges are allowed at a neighbour at this distance; `is_sharp` as [`Vertex::is_sharp`], true for the
+    /// camera.
     #[inline]
     pub(super) fn allows(&self, is_sharp: bool, distance: f32) -> bool {
         is_sharp || distance < self.near
@@ -113,8 +114,8 @@ impl Vertex {
         })
     }
 
-    /// At a vertex of a camera walk of photon density estimation: the value for light from `out` of the lobe that the walk
-    /// follows, and the density with which it does; `None` where it follows none but Dirac lobes.
+    /// At a vertex of a camera walk of photon density estimation: the value for light from `out` of the lobe that the
+    /// walk follows, and the density with which it does; `None` where it follows none but Dirac lobes.
     #[inline]
     pub(super) fn sharp(&self, out: Vec3) -> Option<BsdfEval> {
         if self.merges_gloss() {
@@ -134,7 +135,7 @@ impl Vertex {
         self.bsdf.query(self.local, wi)
     }
 
-    /// A vertex of a light walk as the camera's own walks see it; `None` where that is the same.
+    /// A vertex of a light walk with its textures filtered as for a camera walk; `None` if they are not filtered.
     #[inline]
     pub(super) fn seen_by_camera(&self, scene: &Scene, sight: &Sighting) -> Option<Self> {
         scene.is_filtered(self.surface.material).then(|| {
@@ -146,8 +147,8 @@ impl Vertex {
         })
     }
 
-    /// At a vertex of a light walk: the value towards a camera along `out`, and the density with which a camera walk from
-    /// there draws `back`.
+    /// At a vertex of a light walk: the value towards a camera along `out`, and the density with which a camera walk
+    /// from there draws `back`.
     #[inline]
     pub(super) fn towards_camera(&self, out: Vec3) -> Option<BsdfEval> {
         let (wo, wi) = self.seen_from(out)?;
@@ -190,8 +191,8 @@ impl Vertex {
         scene.material(&self.surface).chooses_bsdf()
     }
 
-    /// Absolute geometric cosine with a direction, clamped as in all weights; 1 at a point of a medium, whose densities are
-    /// per volume, and 0 along directions from which no light walk arrives.
+    /// Absolute geometric cosine with a direction, clamped as in all weights; 1 at a point of a medium, whose densities
+    /// are per volume, and 0 along directions from which no light walk arrives.
     #[inline]
     pub(super) fn cos(&self, w: Vec3) -> f32 {
         if self.surface.is_in_medium() {
@@ -203,7 +204,6 @@ impl Vertex {
         clamped(self.surface.ng.dot(w))
     }
 
-    /// This vertex as the walk sees it.
     #[inline]
     pub(super) fn interaction(&self) -> Interaction<'_> {
         Interaction {
@@ -215,7 +215,7 @@ impl Vertex {
         }
     }
 
-    /// [`Vertex::unblocked`] towards the camera, past backs that it does not see.
+    /// [`Vertex::unblocked`] towards the camera, through back faces that are hidden from it.
     pub(super) fn unblocked_to_camera(
         &self,
         scene: &Scene,
@@ -226,8 +226,8 @@ impl Vertex {
         (self.interaction()).unblocked_to_camera(scene, &self.around, ray, distance, panes)
     }
 
-    /// Transmittance from here along a ray over a distance, through at most `panes` panes; `None` if something else stands
-    /// between.
+    /// Transmittance from here along a ray over a distance, through at most `panes` panes; `None` if something else
+    /// blocks the ray.
     #[inline]
     pub(super) fn unblocked(
         &self,

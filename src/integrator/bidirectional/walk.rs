@@ -1,4 +1,4 @@
-//! A walk from the camera or from a light with the running numbers of its weights.
+//! A walk from the camera or from a light, with the partial sums of its MIS weights.
 
 use super::vertex::{MergeRule, Vertex};
 use super::weights::{Merging, Partial, Step, clamped};
@@ -9,19 +9,19 @@ use crate::math::{Rgb, Vec3};
 use crate::sampler::Sampler;
 use crate::scene::{EmissionDensity, EmissionSample, Scene};
 
-/// The way in which a walk goes on from a vertex.
+/// How a walk continues from a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Onward {
-    /// By a draw from a smooth lobe.
+    /// By a draw from a non-Dirac lobe.
     Smooth,
     /// By a Dirac lobe.
     Dirac,
-    /// Straight through a pane: the edge goes on behind it, since closing edges pass panes too.
+    /// Straight through a pane: the edge continues behind it, since closing edges pass panes too.
     Straight,
 }
 
 impl Onward {
-    /// True for a smooth draw; `None` where the edge goes on.
+    /// True for a draw from a non-Dirac lobe; `None` if the edge continues.
     #[inline]
     pub(super) fn smooth(self) -> Option<bool> {
         match self {
@@ -32,7 +32,7 @@ impl Onward {
     }
 }
 
-/// The way in which a walk of photon density estimation goes on from a vertex.
+/// How a walk of photon density estimation continues from a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Sharp {
     /// Along a direction of this density per steradian: 0 for a Dirac lobe.
@@ -41,7 +41,7 @@ pub(super) enum Sharp {
     Straight,
 }
 
-/// A walk and what its weights need.
+/// A walk with the state of its MIS weights.
 #[derive(Clone, Copy)]
 pub(super) struct WeightedWalk<'a> {
     pub(super) base: Walk<'a>,
@@ -56,7 +56,7 @@ pub(super) struct WeightedWalk<'a> {
     /// Length of the edge up to the last pane that it passed, and up to the last surface.
     pub(super) travelled: f32,
     pub(super) length: f32,
-    /// Running numbers at the start of the edge, and at its end before merges at its start are added.
+    /// Partial sums at the start of the edge, and at its end before merges at its start are added.
     pub(super) start: Partial<f32>,
     pub(super) arrived: Partial<f32>,
     pub(super) merge_rule: MergeRule,
@@ -67,7 +67,7 @@ pub(super) struct WeightedWalk<'a> {
 }
 
 impl<'a> WeightedWalk<'a> {
-    /// A walk along a ray that a light sends out.
+    /// A walk along a ray that a light emits.
     pub(super) fn light(
         scene: &'a Scene,
         start: &EmissionSample,
@@ -102,8 +102,8 @@ impl<'a> WeightedWalk<'a> {
         self.base.ray.dir
     }
 
-    /// Factor of the throughput where the first edge of a light walk meets a surface at this distance from its origin or its
-    /// last pane: the window of a light of limited range.
+    /// Throughput factor, on the first edge of a light walk, at a surface at distance `t` from its origin or its last
+    /// pane: the window of a light of limited range.
     #[inline]
     pub(super) fn window(&self, start: &EmissionSample, t: f32) -> f32 {
         start.window(self.travelled + t) / start.window(self.travelled)
@@ -115,7 +115,7 @@ impl<'a> WeightedWalk<'a> {
         self.base.arrive(&mut (), numbers)
     }
 
-    /// The walk's `n`th vertex, where it has [arrived](WeightedWalk::arrive); `u` chooses between the BSDFs of its material.
+    /// The `n`th vertex, where the walk has [arrived](WeightedWalk::arrive); `u` chooses between BSDFs of its material.
     #[inline]
     pub(super) fn vertex(&mut self, n: u32, arrival: &Arrival, u: f32) -> Vertex {
         let Arrival { hit, mut surface } = *arrival;
@@ -132,7 +132,7 @@ impl<'a> WeightedWalk<'a> {
         }
         let mut made = Bsdf::BLACK;
         let bsdf = *self.base.bsdf(&mut surface, u, &mut made);
-        // The BSDF of a dispersive interface leaves one channel.
+        // Read after the call of `bsdf`: a dispersive interface leaves one channel.
         let throughput = match self.base.origin {
             Origin::Camera => self.base.throughput,
             Origin::Light => self.base.throughput / cos,
@@ -221,7 +221,7 @@ impl<'a> WeightedWalk<'a> {
         (self.base.throughput != Rgb::ZERO).then_some(onward)
     }
 
-    /// True if a walk goes straight through a pane by this Dirac lobe.
+    /// True if this Dirac lobe passes a pane straight.
     #[inline]
     fn is_straight(&self, vertex: &Vertex, lobe: Lobe) -> bool {
         lobe == Lobe::Transmission
@@ -229,8 +229,8 @@ impl<'a> WeightedWalk<'a> {
             && matches!(vertex.bsdf, Bsdf::Thin(_))
     }
 
-    /// Draws the next direction of a camera walk that merges at all rough lobes: `None` where a rough lobe was drawn, or the
-    /// walk ends.
+    /// Draws the next direction of a camera walk that merges at all rough lobes: `None` where a rough lobe was drawn,
+    /// or the walk ends.
     pub(super) fn follow_sharp(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<Sharp> {
         let sample = vertex.bsdf.sample(vertex.alpha, vertex.local, u)?;
         let out = vertex.frame.to_world(sample.wi);
@@ -255,7 +255,7 @@ impl<'a> WeightedWalk<'a> {
         (self.base.throughput != Rgb::ZERO).then_some(Sharp::Drawn(pdf_w))
     }
 
-    /// Sets out from a vertex along `out`.
+    /// Starts the next edge from a vertex along `out`.
     #[inline]
     fn leave(&mut self, vertex: &Vertex, lobe: Lobe, out: Vec3) {
         self.parallel = false;
@@ -266,8 +266,8 @@ impl<'a> WeightedWalk<'a> {
         self.base.leave(&vertex.interaction(), lobe, out);
     }
 
-    /// Goes on along a Dirac lobe. The light walk's weight follows from the ratio of the two measures: with
-    /// η²|cos ns| dω the same on both sides of a refraction, its flux keeps its η² and gains the cosines' ratio.
+    /// Continues along a Dirac lobe. A light walk's throughput changes by the ratio of the two measures: η²|cos ns| dω
+    /// is equal on both sides of a refraction, so its flux keeps its η² and gains the cosines' ratio.
     #[inline]
     fn dirac(&mut self, vertex: &Vertex, sample: &BsdfSample, out: Vec3) -> Option<()> {
         // An interface between equal indices does not refract.

@@ -1,16 +1,16 @@
-//! Weights of all strategies of a path, from three running numbers a walk: the balance heuristic `[Veach97 §9.2]` over
-//! every way to find the path, in the recursive form of `[VCM-TR]`.
+//! MIS weights of all strategies of a path, from three partial sums per walk: the balance heuristic `[Veach97 §9.2]`
+//! over every way to find the path, in the recursive form of `[VCM-TR]`.
 //!
 //! A path has vertices x₀ on the camera, x₁ … x_k on surfaces, x_k on a light. Strategy (s, t) takes s of them from the
-//! light walk and t from the camera walk: s = 0 is a light met by the camera walk, s = 1 light sampling, t = 1 a light
+//! light walk and t from the camera walk: s = 0 is a light hit by the camera walk, s = 1 light sampling, t = 1 a light
 //! walk connected to the camera. Where walks merge, a path is also found when both come within r of x_j: such a merge
 //! has M = π r² N times the density of both walks at x_j `[UPS (6)]`, with N light paths; M = 0 without merging. Walks
-//! merge at some vertices alone (`vertex.rs`): m_j is 1 there, and 0 elsewhere. It depends on both neighbours of x_j, so
-//! that a walk knows it at the next vertex.
+//! merge at some vertices alone (`vertex.rs`): m_j is 1 there, and 0 elsewhere. It depends on both neighbours of x_j,
+//! so that a walk can compute it only at the next vertex.
 //!
-//! The weight of the strategy that closes the path is 1/(1 + w_l + w_c): w_l sums the densities of strategies with fewer
-//! light vertices over this one's, w_c of those with more. Each walk brings its sum in a [`Partial`], which it updates at
-//! every vertex; vc is taken over the density of a connection, vm over that of a merge:
+//! The weight of the strategy that closes the path is 1/(1 + w_l + w_c): w_l sums the densities of strategies with
+//! fewer light vertices over this one's, w_c of those with more. Each walk stores its sum in a [`Partial`], updated at
+//! every vertex; vc is relative to the density of a connection, vm to that of a merge:
 //!
 //! ```text
 //! arrive          vcm *= d²  (not on the first edge from a light at infinity or of a parallel camera)
@@ -27,8 +27,8 @@
 //! vertex; p_f is the density per steradian with which this walk draws the next direction; p_r that with which the
 //! other walk, coming from there, would draw the direction back to the previous vertex; n_in, n_out are the refractive
 //! indices on the sides of the two directions. The Dirac factor is the exact ratio of the two densities on the
-//! refraction manifold. Densities count smooth lobes only, with their selection probabilities. Roulette and opacity
-//! enter no weight: any function of the path alone is valid, and these are the same from both sides.
+//! refraction manifold. Densities count non-Dirac ("smooth") lobes only, with their selection probabilities. Roulette
+//! and opacity are left out: weights may be any function of the path that is the same from both sides.
 //!
 //! Everything here is pure and works in single and double precision; walks and tests call the same functions.
 
@@ -43,11 +43,11 @@ pub(crate) trait Real:
 impl Real for f32 {}
 impl Real for f64 {}
 
-/// Least cosine in a change of measure: at grazing angles no number overflows. Both walks and all closings use the same,
-/// so that the weights of a path still sum to 1.
+/// Least cosine in a change of measure, so that nothing overflows at grazing angles. Both walks and all closings use
+/// the same, so that the weights of a path still sum to 1.
 pub(crate) const MIN_COS: f32 = 1e-6;
 
-/// The running numbers of a walk.
+/// The partial sums of a walk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Partial<T> {
     /// Reciprocal density of the last vertex; 0 if no connection can cut the last edge.
@@ -58,7 +58,7 @@ pub(crate) struct Partial<T> {
     pub vm: T,
 }
 
-/// Merging beside connecting.
+/// Parameters of merging and connecting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Merging<T> {
     /// M = π r² N; 0 if nothing merges.
@@ -67,7 +67,7 @@ pub(crate) struct Merging<T> {
     inverse: T,
     /// 1 if edges of this walk are cut by connections, 0 if not.
     cut: T,
-    /// 1 if edges after this walk's first are, 0 if not.
+    /// 1 if edges after this walk's first are cut by connections, 0 if not.
     keep: T,
 }
 
@@ -95,14 +95,14 @@ impl<T: Real> Merging<T> {
     }
 
     /// The same where light sampling is the only connection, for walks from the camera and for walks from a light: of a
-    /// path only the edge at the light is cut, the first of a light walk and the last of a camera walk that meets it.
+    /// path only the edge at the light is cut, the first of a light walk and the last of a camera walk that hits it.
     pub(crate) fn light_sampling_only(self) -> [Self; 2] {
         let zero = T::from(0.0);
         [Self { cut: zero, ..self }, Self { keep: zero, ..self }]
     }
 }
 
-/// Densities at a smooth vertex.
+/// Densities at a non-Dirac vertex.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Step<T> {
     /// Absolute geometric cosine towards the next vertex.
@@ -116,9 +116,9 @@ pub(crate) struct Step<T> {
 /// One end of a connecting edge.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct End<T> {
-    /// Running numbers of the walk that ends here, after arrival.
+    /// Partial sums of the walk that ends here, after arrival.
     pub partial: Partial<T>,
-    /// Density per area with which the *other* walk, drawing the edge from the other end, meets this end.
+    /// Density per area with which the *other* walk, drawing the edge from the other end, reaches this end.
     pub pdf_area: T,
     /// Density per steradian with which the other walk, having come along the edge, draws the direction to this walk's
     /// previous vertex.
@@ -134,7 +134,7 @@ pub(crate) fn clamped(cos: f32) -> f32 {
 }
 
 impl<T: Real> Partial<T> {
-    /// Numbers of a camera path at its start, for N light paths: `pdf` is that of [`Sensor::pdf`].
+    /// Sums of a camera path at its start, for N light paths: `pdf` is that of [`Sensor::pdf`].
     ///
     /// [`Sensor::pdf`]: crate::scene::Sensor::pdf
     #[inline]
@@ -146,8 +146,8 @@ impl<T: Real> Partial<T> {
         }
     }
 
-    /// Numbers of a light path at its start: densities of its point and its direction, and the cosine at an area light
-    /// (1 for the environment, 0 for lights that no camera walk can meet).
+    /// Sums of a light path at its start: densities of its point and its direction, and the cosine at an area light (1
+    /// for the environment, 0 for lights that no camera walk can hit).
     #[inline]
     pub(crate) fn light(
         pdf_position: T,
@@ -170,8 +170,8 @@ impl<T: Real> Partial<T> {
         }
     }
 
-    /// The walk meets its next vertex. `distance2` is the squared length of the edge, `None` on the first edge from a
-    /// light at infinity or of a parallel camera.
+    /// Updates the sums on arrival at the next vertex. `distance2` is the squared length of the edge, `None` on the
+    /// first edge from a light at infinity or of a parallel camera.
     #[inline]
     pub(crate) fn arrive(&mut self, distance2: Option<T>, cos_in: T) {
         if let Some(distance2) = distance2 {
@@ -182,14 +182,14 @@ impl<T: Real> Partial<T> {
         self.vm = self.vm / cos_in;
     }
 
-    /// The walk from a light meets its first vertex, from which light sampling draws the light's point with `ratio` times the
-    /// density of emission samples: they are two techniques, of which only the first knows the vertex.
+    /// Updates the sums at the first vertex of a light walk, from which light sampling draws the light's point with
+    /// `ratio` times the density of emission samples: only light sampling depends on that vertex.
     #[inline]
     pub(crate) fn sampled(&mut self, ratio: T) {
         self.vcm = self.vcm * ratio;
     }
 
-    /// The walk goes on along a smooth lobe.
+    /// Updates the sums for a draw from a non-Dirac lobe.
     #[inline]
     pub(crate) fn scatter(&mut self, step: &Step<T>, merging: &Merging<T>) {
         let Self { vcm, vc, vm } = *self;
@@ -207,7 +207,7 @@ impl<T: Real> Partial<T> {
         self.vm = self.vm + factor;
     }
 
-    /// The walk goes on along a Dirac lobe; `index2` is (n_in / n_out)², 1 for a reflection.
+    /// Updates the sums for a Dirac lobe; `index2` is (n_in / n_out)², 1 for a reflection.
     #[inline]
     pub(crate) fn dirac(&mut self, cos_in: T, index2: T) {
         self.vc = self.vc * (cos_in * index2);
@@ -226,19 +226,19 @@ impl<T: Real> End<T> {
     }
 }
 
-/// Weight of a light met by the camera walk: `sampled` is the density with which light sampling from the walk's last vertex
-/// draws it, per area for an area light and per steradian for the environment; `emitted` the density of emission samples
-/// there, of position times direction. For an area light `partial` is taken after arrival, for the environment before. A
-/// light that the camera's own ray meets has weight 1: no other strategy finds it.
+/// Weight of a light hit by the camera walk: `sampled` is the density with which light sampling from the walk's last
+/// vertex draws it, per area for an area light and per steradian for the environment; `emitted` the density of emission
+/// samples there, of position times direction. For an area light `partial` is taken after arrival, for the environment
+/// before. A light that the camera ray itself hits has weight 1: no other strategy finds it.
 #[inline]
 pub(crate) fn hit<T: Real>(partial: &Partial<T>, sampled: T, emitted: T) -> T {
     let one = T::from(1.0);
     one / (one + sampled * partial.vcm + emitted * partial.vc)
 }
 
-/// Weight of a light sample, with the camera walk's merging. `pdf_hit` is the density of the camera walk's direction over that of the light sample, 0 for
-/// lights without area; `camera` the shading point, met by emission samples, with their density over that of the light
-/// sample.
+/// Weight of a light sample, with the camera walk's merging. `pdf_hit` is the density of the camera walk's direction
+/// over that of the light sample, 0 for lights without area; `camera` is the shading point, with the density of
+/// emission samples that reach it over that of the light sample.
 #[inline]
 pub(crate) fn light_sample<T: Real>(pdf_hit: T, camera: &End<T>, merging: &Merging<T>) -> T {
     let one = T::from(1.0);
@@ -259,9 +259,9 @@ pub(crate) fn camera_sample<T: Real>(light: &End<T>, light_paths: T, merging: &M
     one / (one + light.others(merging) / light_paths)
 }
 
-/// Weight of a merge of both walks at a vertex, with the numbers of both after their arrival there. `pdf` is the density
-/// per steradian with which the camera walk goes on along the light walk's last edge, `pdf_reverse` that with which the
-/// light walk goes on along the camera walk's; `merging` is the camera walk's.
+/// Weight of a merge of both walks at a vertex, with the sums of both after arrival there. `pdf` is the density per
+/// steradian with which the camera walk continues along the light walk's last edge, `pdf_reverse` that with which the
+/// light walk continues along the camera walk's; `merging` is the camera walk's.
 #[inline]
 pub(crate) fn merge<T: Real>(
     light: &Partial<T>,

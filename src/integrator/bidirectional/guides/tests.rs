@@ -1,7 +1,7 @@
 use super::*;
 use crate::image::splat::Splat;
 
-/// Light that blurs leave alone comes to the pixels whose paths were walked.
+/// Light that is not blurred is added to the pixels whose paths were traced.
 #[test]
 fn guides_of_forks_come_to_their_pixels() {
     let size = UVec2::new(64, 48);
@@ -17,7 +17,7 @@ fn guides_of_forks_come_to_their_pixels() {
         let mut fork = guides.fork();
         for index in rows.start * 40..rows.end * 40 {
             fork.begin(window.pixel(index), 5);
-            // On one way all of it twice, on the other nothing.
+            // The first way, with share 0.5, has the light twice; the second has none.
             fork.seen(seen(index));
             fork.seen(seen(index));
             fork.way(0.5);

@@ -9,7 +9,7 @@ use crate::sampler::{Independent, SampleSource, Sampler, Seed};
 use crate::scene::procedural::{materials, shapes};
 use crate::scene::{Aim, Material, SceneParts};
 
-/// A list that grows to a length that is known in shares has little more room than it needs.
+/// A list that grows step by step to a predicted length reserves little more memory than it needs.
 #[test]
 fn lists_grow_to_the_length_that_is_expected() {
     let mut list: Vec<u32> = Vec::new();
@@ -23,7 +23,7 @@ fn lists_grow_to_the_length_that_is_expected() {
     assert!(list.capacity() < 112_000, "{}", list.capacity());
 }
 
-/// Rough glass that disperses, in water that overlaps it: indices follow from the path, and are kept.
+/// Rough dispersive glass that overlaps water: indices of refraction depend on the path, and are stored.
 #[test]
 fn vertices_built_again_are_those_of_the_walk() {
     let mut parts = SceneParts::default();
@@ -75,7 +75,7 @@ fn vertices_built_again_are_those_of_the_walk() {
     assert!(indices.len() >= 7, "{indices:?}");
 }
 
-/// A single photon has one bucket, which all eight cells of a query share, and few have few buckets.
+/// All eight cells of a query share the bucket of a single photon, and few photons have few buckets.
 #[test]
 fn cells_that_share_a_bucket_count_no_photon_twice() {
     let mut parts = SceneParts::default();
