@@ -1,4 +1,4 @@
-//! Bodies around a path, and what they absorb.
+//! Nested bodies around a path, and their absorption.
 
 use crate::bsdf::{Bsdf, is_matched};
 use crate::integrator::View;
@@ -8,18 +8,18 @@ use crate::scene::camera::Projection;
 use crate::scene::medium::{Filling, Media};
 use crate::scene::{Hit, Scene, Surface};
 
-/// Bodies that are remembered around a vertex.
+/// Most bodies that are stored around a vertex.
 const MAX_BODIES: usize = 16;
 
-/// The bodies that enclose the current vertex of a path, innermost last; empty in scenes that need not know them.
+/// The bodies that enclose the current vertex of a path, innermost last; empty in scenes that do not track them.
 ///
-/// Remembers the `MAX_BODIES` innermost. Where a path needs one that was forgotten, its transmittance is not a number: the film
-/// refuses the sample, counts and names it.
+/// Stores the `MAX_BODIES` innermost. If a path needs a dropped one, its transmittance is NaN: the film rejects, counts
+/// and reports the sample.
 #[derive(Clone, Copy, Default)]
 pub(in crate::integrator) struct EnclosingBodies {
     materials: [u32; MAX_BODIES],
     len: u32,
-    /// Bodies outside of the remembered ones.
+    /// Number of dropped bodies, which enclose the stored ones.
     forgotten: u32,
 }
 
@@ -33,7 +33,7 @@ impl EnclosingBodies {
         bodies
     }
 
-    /// The bodies around a point. Most of some rays decide: where one runs along a boundary, or into two at once, it misses one.
+    /// The bodies around a point, by majority over rays: a ray along a boundary, or into two at once, misses one.
     fn around_point(scene: &Scene, point: Vec3) -> Self {
         const DIRECTIONS: [Vec3; 5] = [
             Vec3::new(0.31, 0.93, 0.19),
@@ -49,7 +49,7 @@ impl EnclosingBodies {
             (sorted, around)
         });
         let votes = |sorted: &[u32]| found.iter().filter(|(s, _)| s == sorted).count();
-        // Of as many votes the first.
+        // The first of equal counts.
         let best = found.iter().rev().max_by_key(|(sorted, _)| votes(sorted));
         let mut bodies = Self::default();
         for &material in best.iter().flat_map(|(_, around)| around.iter().rev()) {
@@ -58,7 +58,7 @@ impl EnclosingBodies {
         bodies
     }
 
-    /// The bodies around the origin of a ray that a light sends out; none for a light that is not in the scene.
+    /// The bodies around the origin of a ray that a light emits; none for a light at infinity.
     pub(super) fn of_light(scene: &Scene, ray: &Ray, infinite: bool) -> Self {
         if scene.tracks_bodies() && !infinite {
             Self::around(scene, ray)
@@ -128,7 +128,7 @@ impl EnclosingBodies {
         bodies
     }
 
-    /// The bodies around a ray along `dir` from a surface of this BSDF, which the path met from `outside` or inside.
+    /// The bodies around a ray along `dir` from a surface of this BSDF, which the path hit from `outside` or inside.
     #[inline]
     pub(in crate::integrator) fn towards(
         &self,
@@ -142,7 +142,7 @@ impl EnclosingBodies {
         self.across(scene, crosses, outside, surface)
     }
 
-    /// Enters a body through its surface, or leaves it; one that touches it there is left or entered.
+    /// Enters a body through its surface, or leaves it; a body that touches it there is left or entered instead.
     #[inline]
     fn cross(&mut self, enters: bool, material: u32, touching: Option<u32>) {
         if enters {
@@ -154,7 +154,7 @@ impl EnclosingBodies {
         }
     }
 
-    /// The material of the body that is there: the innermost, or where bodies overlap the one of the highest rank.
+    /// The material of the body at this point: the innermost, or where bodies overlap the one of the highest rank.
     #[inline]
     fn present(&self, scene: &Scene) -> Option<u32> {
         let around = self.materials[..self.len as usize].iter().copied();
@@ -165,13 +165,13 @@ impl EnclosingBodies {
         }
     }
 
-    /// Transmittance over a distance inside the body that is there (Beer-Lambert).
+    /// Transmittance over a distance inside the body at this point (Beer-Lambert).
     #[inline]
     pub(in crate::integrator) fn transmittance(&self, scene: &Scene, distance: f32) -> Rgb {
         if let Some(media) = scene.media() {
             return self.transmittance_in(scene, media, distance);
         }
-        // A forgotten body may outrank those that are remembered.
+        // A dropped body may outrank the stored ones.
         if self.forgotten > 0 && (self.len == 0 || scene.features().overlaps) {
             return Rgb::NAN;
         }
@@ -188,7 +188,7 @@ impl EnclosingBodies {
         (self.filling(scene, media)).map_or(Rgb::NAN, |filling| filling.transmittance(distance))
     }
 
-    /// Medium that fills the place; `None` where a body was forgotten that may be there.
+    /// Medium at this point; `None` if it may be that of a dropped body.
     pub(super) fn filling<'m>(&self, scene: &Scene, media: &'m Media) -> Option<&'m Filling> {
         let ranked = scene.features().overlaps && !scene.parts().own_boundaries;
         let remembered = self.materials[..self.len as usize].iter();
@@ -204,7 +204,7 @@ impl EnclosingBodies {
         }
     }
 
-    /// Enters or leaves a body whose boundary does not exist for a ray along `dir`; false at all other surfaces.
+    /// Enters or leaves a body whose boundary is hidden from a ray along `dir`; false at all other surfaces.
     pub(super) fn passes(&mut self, scene: &Scene, surface: &mut Surface, dir: Vec3) -> bool {
         if !scene.features().overlaps || !scene.material(surface).bounds_body() {
             return false;
@@ -217,8 +217,8 @@ impl EnclosingBodies {
         hidden
     }
 
-    /// Index of refraction on the outside of a body's boundary that a ray meets along `dir`; `None` where that boundary
-    /// does not exist, since inside and outside are one body, of a higher rank or of the same index and without colour.
+    /// Index of refraction on the outside of a body's boundary that a ray along `dir` hits; `None` if the boundary is
+    /// hidden, because both sides are in a body of higher rank or have the same index and no colour.
     #[cold]
     fn boundary(
         &self,
@@ -237,20 +237,20 @@ impl EnclosingBodies {
         }
         let around = others.present(scene);
         let index = around.map_or(1.0, |other| scene.parts().materials[other as usize].ior);
-        // A surface that shines is always there: light sampling must find what paths find.
+        // An emissive surface is never hidden: light sampling must find the same emitters as paths.
         if material.emission != Rgb::ZERO {
             return Some(index);
         }
         let inside =
             |other| other == surface.material || scene.rank(other) > scene.rank(surface.material);
         let invisible = is_matched(material.ior / index) && material.is_clear();
-        // One that touches the body ends where that begins.
+        // A touching body ends where this body begins.
         let ends = |other| touching == Some(other) && other != surface.material;
         let hidden = around.is_some_and(|other| inside(other) && !ends(other));
         (!hidden && !invisible).then_some(index)
     }
 
-    /// Makes the BSDF of a surface that a ray met along `dir` one against the body outside of it.
+    /// Makes the BSDF's index relative to the body outside of the surface, which a ray along `dir` hit.
     #[inline]
     pub(in crate::integrator) fn interface(
         &self,
@@ -268,7 +268,7 @@ impl EnclosingBodies {
         }
     }
 
-    /// Follows a ray to the surface that ends it, through boundaries that do not exist, and enters and leaves their bodies.
+    /// Follows a ray to the surface that ends it, through hidden boundaries, whose bodies it enters and leaves.
     #[inline]
     pub(in crate::integrator) fn follow(&mut self, scene: &Scene, ray: &Ray) -> Segment {
         if scene.features().overlaps {
@@ -281,8 +281,8 @@ impl EnclosingBodies {
         }
     }
 
-    /// [`EnclosingBodies::follow`] for a ray that the camera sends out if `from_camera`: it passes the backs of surfaces that show
-    /// their front alone.
+    /// [`EnclosingBodies::follow`] where a camera ray (`from_camera`) also passes the backs of surfaces that are
+    /// visible only from the front.
     #[inline(always)]
     pub(in crate::integrator) fn follow_seen(
         &mut self,
@@ -324,8 +324,8 @@ impl EnclosingBodies {
         segment
     }
 
-    /// [`EnclosingBodies::unblocked`] for a ray towards the camera, whose own passes the backs of surfaces that show their front
-    /// alone, up to the first surface that it meets. They are no vertices, and do not count as panes.
+    /// [`EnclosingBodies::unblocked`] for a ray towards the camera. Up to its first hit a camera ray passes the backs
+    /// of surfaces that are visible only from the front. Such backs are no vertices, and do not count as panes.
     pub(in crate::integrator) fn unblocked_to_camera(
         mut self,
         scene: &Scene,
@@ -334,7 +334,7 @@ impl EnclosingBodies {
         panes: u32,
     ) -> Option<Rgb> {
         let (mut rest, mut before) = (*ray, 0.0);
-        // What comes through if the camera's ray meets all surfaces so far, and if it does not see the last of them.
+        // Transmittance if all surfaces so far count as panes, and if the camera ray passes the last as hidden backs.
         let (mut met, mut seen) = (Some(Rgb::ONE), Some(Rgb::ONE));
         for n in 0..MAX_SURFACES {
             let segment = self.follow(scene, &rest);
@@ -392,8 +392,8 @@ impl EnclosingBodies {
         segment
     }
 
-    /// Transmittance along a ray over a distance, through at most `panes` panes; `None` if something else stands between
-    /// its origin and its `t_max`.
+    /// Transmittance along a ray over a distance, through at most `panes` panes; `None` if something else stands
+    /// between its origin and its `t_max`.
     #[inline]
     pub(in crate::integrator) fn unblocked(
         self,
@@ -438,7 +438,7 @@ impl EnclosingBodies {
     }
 }
 
-/// Segment of a path: from a point to the surface that ends it, and what it passed.
+/// Segment of a path from a point to the surface that ends it, with the boundaries that it passed.
 pub(in crate::integrator) struct Segment {
     /// The surface, at its distance from the point; `None` if there is none.
     pub(in crate::integrator) hit: Option<Hit>,

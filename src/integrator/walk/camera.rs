@@ -1,4 +1,4 @@
-//! Walks from the camera, and those of all pixels of a tile.
+//! Walks from the camera, and the loop over the pixels of a tile.
 
 use super::observer::PathObserver;
 use super::{Surroundings, Walk};
@@ -8,7 +8,7 @@ use crate::math::{Rgb, UVec2};
 use crate::sampler::{SampleSource, Sampler};
 use std::ops::Range;
 
-/// Beginnings of the walks from a view's camera.
+/// Starts walks from a view's camera.
 #[derive(Clone, Copy)]
 pub(in crate::integrator) struct CameraWalks<'a> {
     view: View<'a>,
@@ -42,8 +42,8 @@ impl<'a> CameraWalks<'a> {
     }
 }
 
-/// Traces the samples with these numbers of every pixel of a tile. `radiance` is what arrives along a walk, by the number of
-/// the sample.
+/// Traces the samples with these numbers of every pixel of a tile. `radiance` estimates the radiance that arrives along
+/// a walk, given the sample's number.
 pub(in crate::integrator) fn trace_tile<'a, Q: SampleSource, O: PathObserver>(
     view: &View<'a>,
     source: &Q,

@@ -1,21 +1,21 @@
-//! Guides that a path meets, for filters of pictures.
+//! Features of a path (normals, distances, reflectance), which guide filters of pictures.
 
 use super::shading_point::ShadingPoint;
 use crate::image::level_film::Features;
 
-/// Roughness from which light at a vertex is blurred by its surroundings there, not by those of its mirror image.
+/// Roughness from which the features of a vertex itself guide the blur, and not those of the next vertex.
 const ROUGH: f32 = 0.05;
 
-/// Guides that a path has met so far; of the last vertex where none is rough.
+/// Features of a path so far: of its first vertex, and of its first rough vertex, or the last if none is rough.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::integrator) struct PathFeatures {
     values: Features,
-    /// True if they are those of a rough vertex.
+    /// True once a rough vertex was added.
     is_rough: bool,
 }
 
 impl PathFeatures {
-    /// Notes the path's `distance` to a vertex and what it is, up to the first rough one.
+    /// Adds a vertex at this `distance` from the previous one; ignored after the first rough vertex.
     #[inline]
     pub(in crate::integrator) fn add(&mut self, vertex: &ShadingPoint<'_>, distance: f32) {
         if self.is_rough {
@@ -31,13 +31,12 @@ impl PathFeatures {
         self.is_rough = vertex.alpha >= ROUGH;
     }
 
-    /// Adds a share of the guides of one way of the path.
+    /// Adds a share of the features of one way of the path.
     pub(in crate::integrator) fn add_share(&mut self, way: &Self, share: f32) {
         let ways = self.values.iter_mut().zip(&way.values);
         ways.for_each(|(sum, value)| *sum += share * value);
     }
 
-    /// The guides.
     #[inline]
     pub(in crate::integrator) fn values(&self) -> Features {
         self.values

@@ -1,19 +1,19 @@
 //! Free flight through media that scatter.
 //!
-//! The distance to the next scattering is drawn for one colour channel, which is chosen by the walk's throughput, and weighed
-//! by the density of all channels together: one-sample MIS. With pᵢ the chance of channel i, σ its extinction and T
-//! its transmittance,
+//! The distance to the next scattering is drawn for one colour channel, which is chosen by the walk's throughput, and
+//! weighted by the density of all channels together: one-sample MIS. With pᵢ the chance of channel i, σ its extinction
+//! and T its transmittance,
 //!
 //! ```text
 //! scattered after t      weight σs T(t) / Σ pᵢ σᵢ Tᵢ(t)
 //! a surface after d      weight    T(d) / Σ pᵢ    Tᵢ(d)
 //! ```
 //!
-//! Each weight is at most 1/pᵢ in channel i, whatever the media, so that the throughput of no channel grows beyond the sum of all.
+//! Each weight is at most 1/pᵢ in channel i, whatever the media, so that the throughput of no channel grows beyond the
+//! sum of all.
 //!
-//! Media are no part of MIS weights, neither of light samples nor of connections: every way to find a path has the factor σs
-//! of each of its points and the transmittance of each of its edges except one. The weights without them add up to 1
-//! just the same.
+//! MIS weights leave media out: the density of every strategy has the factor σs of each point in a medium and the
+//! transmittance of each edge except one. Weights without these factors also add up to 1.
 
 use super::{Arrival, Carried, Walk};
 use crate::math::Rgb;
@@ -22,8 +22,8 @@ use crate::scene::Hit;
 use crate::scene::bodies::MAX_SURFACES;
 use crate::scene::medium::{Filling, Media};
 
-/// Share of the chance of a channel that does not depend on the throughput: emission at the end of an edge may have colours that
-/// the walk lacks.
+/// Share of the chance of a channel that does not depend on the throughput: emission at the end of an edge may have
+/// colours that are zero in the throughput.
 const EVEN: f32 = 0.1;
 
 /// Chances of the channels.
@@ -35,8 +35,8 @@ fn chances(throughput: Rgb) -> Rgb {
     (throughput * ((1.0 - EVEN) / mean) + Rgb::splat(EVEN)) / 3.0
 }
 
-/// Distance to the next scattering in a medium, for a channel that one number chooses; the other one is the share of light that
-/// is scattered before.
+/// Distance to the next scattering in a medium, for a channel that `choice` selects; `share` is the probability of
+/// scattering before that distance.
 fn distance(filling: &Filling, chances: Rgb, [choice, share]: [f32; 2]) -> f32 {
     let channel = if choice < chances.x {
         0
@@ -66,7 +66,7 @@ impl Walk<'_> {
             let hit = scene.intersect(&rest);
             let end = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
             let filling = self.around.filling(scene, media);
-            // As where light is sampled, a body that was forgotten makes the sample no number.
+            // As in light sampling, a dropped body makes the sample NaN.
             let mut transmittance = filling.map_or(Rgb::NAN, |f| f.transmittance(end));
             if let Some(filling) = filling.filter(|f| f.scattering != Rgb::ZERO) {
                 let chances = chances(self.throughput);
@@ -83,7 +83,7 @@ impl Walk<'_> {
                         },
                     });
                 }
-                // A ray without an end may come through by rounding alone.
+                // The density may be 0: a ray to infinity escapes by rounding only.
                 let density = chances.dot(transmittance);
                 if density > 0.0 {
                     transmittance /= density;

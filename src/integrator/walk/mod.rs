@@ -1,20 +1,20 @@
-//! One walk for camera paths and light paths, and the steps that estimators borrow.
+//! The walk of camera paths and light paths, and the steps that estimators share.
 //!
 //! A [`Walk`] arrives at a surface, has a vertex there, leaves it along a direction that its estimator has drawn, and
-//! survives or ends. What is between two vertices or changes along a path (nested bodies, absorption, dispersion, the
-//! scaling of refracted radiance, roulette) is the walk's affair: the loop of an estimator holds its estimator alone.
+//! survives or ends. The walk handles everything between two vertices or along a path (nested bodies, absorption,
+//! dispersion, the scaling of refracted radiance, roulette); the loop of an estimator contains only the estimator.
 //!
 //! | file | step |
 //! |---|---|
 //! | [`shading_point`] | light sampled from a vertex, emission found by a roughened lobe, the continuation |
-//! | [`roughening`] | roughness at next-event estimation, and the memory of a rule |
+//! | [`roughening`] | roughness at next-event estimation, and the path state of a rule |
 //! | `pending_emission` | emission at the end of the current ray, and its weight |
-//! | `camera` | walks from the camera, and those of all pixels of a tile |
-//! | `bodies` | bodies around the path, and what they absorb |
+//! | `camera` | walks from the camera, and the loop over the pixels of a tile |
+//! | `bodies` | nested bodies around the path, and their absorption |
 //! | `media` | free flight through media that scatter, and the point where it ends |
-//! | `dispersion` | the colour channel of a path that met a dispersive interface |
+//! | `dispersion` | the colour channel of a path after a dispersive interface |
 //! | `roulette` | Russian roulette |
-//! | `ways` | both ways through the first smooth interfaces |
+//! | `ways` | path splitting at the first smooth interfaces |
 //! | `cone` | a Dirac lobe spread over a cone |
 //! | [`observer`] | callbacks for layers, statistics and training |
 
@@ -57,15 +57,15 @@ pub(crate) struct Walk<'a> {
     pub(super) origin: Origin,
     /// The ray to the next vertex.
     pub(super) ray: Ray,
-    /// Start of the edge: the vertex whose light samples find emission at the end of the ray too. Panes are passed straight.
+    /// Start of the edge: the vertex from which light samples could find the emission at its end. Panes end no edge.
     pub(super) from: Vec3,
-    /// Share of the light that scattering and absorption so far have left.
+    /// Throughput of scattering and absorption so far.
     pub(super) throughput: Rgb,
-    /// Factor that undoes all scaling that is no loss of light, for roulette: refraction scales radiance by 1/η².
+    /// Factor that cancels, for roulette, scaling that is no loss of light, such as the 1/η² of refraction.
     roulette_scale: f32,
     channel: Channel,
     around: Surroundings,
-    /// True on the edge that a camera sees.
+    /// True on the first edge from the camera.
     from_camera: bool,
     /// The camera's pixel, up to the first vertex, if any texture is filtered over it.
     pixel: PixelCone,
@@ -97,8 +97,8 @@ impl Interaction<'_> {
         around.towards(scene, self.surface, self.bsdf, self.wo.z > 0.0, dir)
     }
 
-    /// Transmittance from here along a ray over a distance, through at most `panes` panes; `None` if something else stands
-    /// between. `around` is what was around the previous edge.
+    /// Transmittance from here along a ray over a distance, through at most `panes` panes; `None` if something else
+    /// blocks it. `around` are the media around the previous edge.
     #[inline]
     pub(super) fn unblocked(
         &self,
@@ -116,7 +116,7 @@ impl Interaction<'_> {
         }
     }
 
-    /// The same towards the camera, past backs that it does not see.
+    /// The same towards the camera, through back faces that are hidden from it.
     pub(super) fn unblocked_to_camera(
         &self,
         scene: &Scene,
@@ -126,7 +126,7 @@ impl Interaction<'_> {
         panes: u32,
     ) -> Option<Rgb> {
         let seen = self.unblocked(scene, around, ray, distance, panes);
-        // A pane may be seen from its back, which passes all light.
+        // A pane's hidden back towards the camera transmits all light.
         if scene.features().hidden_backs && (seen.is_none() || scene.has_panes()) {
             let around = match scene.tracks_bodies() {
                 true => self.around(scene, around, ray.dir),
@@ -157,7 +157,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A walk along a ray with this throughput from a light; `infinite` if that is not in the scene.
+    /// A walk along a ray with this throughput from a light; `infinite` if that is at infinity.
     pub(super) fn light(scene: &'a Scene, ray: Ray, throughput: Rgb, infinite: bool) -> Self {
         let dimmed = match scene.media() {
             Some(media) if infinite => media.outside().transmittance(f32::INFINITY),
@@ -178,8 +178,8 @@ impl<'a> Walk<'a> {
         &self.around
     }
 
-    /// The end of the current edge: a surface, or a point of a medium; `None` where the walk has left the scene. What is on the
-    /// way dims the walk. Only media need `numbers`.
+    /// The end of the current edge: a surface, or a point of a medium; `None` where the walk has left the scene.
+    /// Absorption along the edge scales the throughput. Only media use `numbers`.
     #[inline(always)]
     pub(super) fn arrive(
         &mut self,
@@ -211,7 +211,7 @@ impl<'a> Walk<'a> {
         Some(Arrival { surface, hit })
     }
 
-    /// The surface at a hit of a ray along `dir`. No light walk leaves below a facet's plane.
+    /// The surface at a hit of a ray along `dir`. A light walk gets no directions below a facet's plane.
     #[inline(always)]
     fn surface(&self, hit: &Hit, dir: Vec3) -> Surface {
         match self.origin {
@@ -239,7 +239,7 @@ impl<'a> Walk<'a> {
     }
 
     /// The BSDF of the surface at which the walk has arrived; `u`, uniform in [0, 1), chooses between those of its
-    /// material. One that is not the scene's own is left in `made`.
+    /// material. One that is not stored in the scene is written to `made`.
     #[inline(always)]
     pub(super) fn bsdf<'b>(&mut self, surface: &mut Surface, u: f32, made: &'b mut Bsdf) -> &'b Bsdf
     where
@@ -273,8 +273,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A vertex as steps of an estimator need it, with the roughness `alpha_reg` at next-event estimation, from which light
-    /// samples pass at most `panes` panes.
+    /// The vertex with the roughness `alpha_reg` at next-event estimation, from which light samples pass at most
+    /// `panes` panes.
     #[inline(always)]
     pub(super) fn shading_point<'v>(
         &'v self,
@@ -304,7 +304,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Goes on straight through a pane: emission beyond it is weighed at the vertex before.
+    /// Continues straight through a pane: emission beyond it keeps the MIS weight of the previous vertex.
     pub(super) fn pass(&mut self, surface: &Surface, next: &Continuation) {
         self.throughput *= next.sample.weight;
         self.ray = surface.spawn(next.wi);
@@ -335,8 +335,8 @@ impl<'a> Walk<'a> {
         self.pixel = PixelCone::default();
     }
 
-    /// Russian roulette with a given chance in (0, 1]; false for a walk that ends. `u` is uniform in [0, 1), and uniform again where
-    /// the walk goes on.
+    /// Russian roulette with survival probability `chance` in (0, 1]; false for a walk that ends. `u` is uniform in
+    /// [0, 1), and is rescaled to be so again if the walk survives.
     #[inline]
     pub(super) fn survive_with(
         &mut self,
@@ -353,8 +353,8 @@ impl<'a> Walk<'a> {
         true
     }
 
-    /// True unless the walk ends, because it carries nothing or by Russian roulette; `u` in [0, 1) is roulette's, `None`
-    /// for none.
+    /// False if the walk ends, because nothing can contribute or by Russian roulette with `u` in [0, 1); `None` for no
+    /// roulette.
     #[inline(always)]
     pub(super) fn survive(&mut self, u: Option<f32>, carried: &mut impl Carried) -> bool {
         if self.throughput == Rgb::ZERO && carried.is_nothing() {

@@ -46,7 +46,7 @@ pub trait PathObserver {
     /// Enables [`PathObserver::event`] and [`PathObserver::roughened`].
     const EVENTS: bool = false;
 
-    /// True once no more paths are wanted: the estimator then leaves the rest out. It is asked before every path.
+    /// True once no more paths are wanted: the estimator then leaves the rest out. Checked before every path.
     #[inline]
     fn stopped(&self) -> bool {
         false
@@ -54,11 +54,11 @@ pub trait PathObserver {
     /// A path starts.
     #[inline]
     fn begin(&mut self, _pixel: UVec2, _sample: u32) {}
-    /// The path met a surface that scatters: its `n`th from the camera (from 1), at this distance from the previous one.
+    /// The path reached its `n`th scattering vertex (from 1), at this distance from the previous one.
     #[inline]
     fn vertex(&mut self, _n: u32, _distance: f32, _point: &ShadingPoint<'_>) {}
-    /// A contribution whose size depends on the rule, in order of depth; at one vertex the light sample first. An event of
-    /// [`Technique::Continuation`] is reported at the end of its ray, after [`PathObserver::scattered`].
+    /// A contribution whose size depends on the rule, in order of depth; at one vertex the light sample first. An event
+    /// of [`Technique::Continuation`] is reported at the end of its ray, after [`PathObserver::scattered`].
     #[inline]
     fn event(&mut self, _event: &Event) {}
     /// A roughened lobe was sampled, with these numbers, by a ray of its own; an observer may draw from it
@@ -74,12 +74,12 @@ pub trait PathObserver {
     /// Called when light of this number of scatterings is added to the path's radiance; only the path tracer calls it.
     #[inline]
     fn light(&mut self, _scatterings: u32, _value: Rgb) {}
-    /// Called with the light that the path has found before its first draw from a smooth lobe. Only the path tracer and bidirectional
-    /// camera walks call it.
+    /// Called with the light that the path has found before its first draw from a non-Dirac lobe. Only the path tracer
+    /// and bidirectional camera walks call it.
     #[inline]
     fn seen(&mut self, _value: Rgb) {}
-    /// One of the path's ways through glass is complete, and counts this share of the path. Every way reports all of its vertices, the
-    /// first one too, and the light that it has found.
+    /// One of the path's ways through glass is complete, with this share of the path. Every way reports all of its
+    /// vertices and light.
     #[inline]
     fn way(&mut self, _share: f32) {}
     /// The path is complete; `radiance` is the sum of its contributions.

@@ -1,10 +1,10 @@
-//! Emission that a walk meets at the end of a ray, and its weight.
+//! Emission at the end of a walk's current ray, and its weight.
 
 use crate::math::measure::balance;
 use crate::math::{Rgb, Vec3};
 use crate::scene::{Lights, Surface};
 
-/// Weights of emission at the end of the current edge of a walk, which shrink with its throughput.
+/// Weights of emission at the end of the current edge of a walk, which scale with its throughput.
 pub(in crate::integrator) trait Carried {
     /// Multiplies the weights.
     fn scale(&mut self, factor: Rgb);
@@ -23,7 +23,7 @@ impl Carried for () {
     }
 }
 
-/// Emission that a walk has met at the end of its edge.
+/// Emission found at the end of a walk's edge.
 pub(in crate::integrator) struct MetEmission<'a> {
     /// Radiance towards the walk.
     pub(in crate::integrator) radiance: Rgb,
@@ -51,8 +51,8 @@ pub(in crate::integrator) struct EmissionWeight {
     /// Throughput for the emission: that of the path, unless the BSDF at α′ differs from the one at α. Zero where a
     /// roughened lobe has counted the emission already.
     pub(in crate::integrator) throughput: Rgb,
-    /// Density of the direction in the BSDF at α′, to weigh it against light sampling; `None` for camera rays and
-    /// Dirac lobes, which count in full.
+    /// Density of the direction in the BSDF at α′, for the MIS weight against light sampling; `None` for camera rays
+    /// and Dirac lobes, which count in full.
     pub(in crate::integrator) pdf_w: Option<f32>,
 }
 

@@ -1,4 +1,4 @@
-//! Roughness at next-event estimation, and the memory from which a rule computes it.
+//! Roughness at next-event estimation, and the path state from which a rule computes it.
 
 use super::observer::PathObserver;
 use super::shading_point::ShadingPoint;
@@ -19,7 +19,7 @@ pub(in crate::integrator) fn roughen<R: Roughening>(rule: &R, memory: &R::Path, 
     }
 }
 
-/// The lobe from which a path continues, of own roughness `alpha`, as rules remember it.
+/// The lobe from which a path continues, of own roughness `alpha`, in the form that rules store.
 #[inline]
 pub(in crate::integrator) fn scattered(alpha: f32, sample: &BsdfSample) -> Scattered {
     Scattered {
@@ -36,7 +36,7 @@ pub(in crate::integrator) fn scattered(alpha: f32, sample: &BsdfSample) -> Scatt
     }
 }
 
-/// Appends the lobe from which a path continues to the memory, and reports it to the observer.
+/// Appends the lobe from which a path continues to the path state, and reports it to the observer.
 #[inline]
 pub(in crate::integrator) fn remember<R: Roughening, O: PathObserver>(
     rule: &R,

@@ -3,18 +3,18 @@
 use crate::math::Rgb;
 use crate::sampler::MIN_CHANCE;
 
-/// The largest probability of survival: chains that lose no light must end some time.
+/// Largest survival probability: a path of lossless reflections must end as well.
 const LARGEST: f32 = 0.95;
 
 /// The probability with which a path survived, by which its throughput is divided; `None` for a path that ends. `u` is
 /// uniform in [0, 1).
 ///
-/// `eta_scale` undoes the 1/η² with which refraction scales radiance: that is no lost light.
+/// `eta_scale` undoes the 1/η² with which refraction scales radiance: that scaling is no loss of light.
 #[inline]
 pub(in crate::integrator) fn survival(throughput: Rgb, eta_scale: f32, u: f32) -> Option<f32> {
     // A throughput that is not a number survives; the film finds and reports it.
     let survival = (throughput * eta_scale).max_element().min(LARGEST);
-    // The bits of `u` decide no smaller chance; a path without throughput ends.
+    // The bits of `u` resolve no smaller probability; a path without throughput ends.
     let survival = if survival > 0.0 {
         survival.max(MIN_CHANCE)
     } else {

@@ -1,4 +1,4 @@
-//! One vertex of a path: light sampled from it, emission that its roughened lobe finds, and the continuation.
+//! One vertex of a path: light sampled from it, emission found by its roughened lobe, and the continuation.
 
 use super::bodies::EnclosingBodies as Surroundings;
 use super::observer::{Event, PathObserver, Technique};
@@ -13,7 +13,7 @@ use crate::scene::{Emission, LightSample, Scene, Surface};
 pub struct ShadingPoint<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// The point.
+    /// The surface point.
     pub surface: &'a Surface,
     /// Shading frame for the direction towards the previous vertex.
     pub frame: Frame,
@@ -29,7 +29,7 @@ pub struct ShadingPoint<'a> {
     pub throughput: Rgb,
     /// Media around the previous edge.
     pub(in crate::integrator) around: &'a Surroundings,
-    /// Vertices that the path has left: the most panes between here and a light.
+    /// Vertices still allowed on the path: the most panes between here and a light.
     pub(in crate::integrator) panes: u32,
 }
 
@@ -75,13 +75,13 @@ impl ShadingPoint<'_> {
             && self.scene.is_dark_inside(self.surface.material)
     }
 
-    /// True at a pane, whose transmission belongs to the vertex before: only what it reflects is light of this one.
+    /// True at a pane. Its transmission counts at the previous vertex; only its reflection counts here.
     #[inline]
     pub(in crate::integrator) fn is_pane(&self) -> bool {
         self.scene.is_pane(self.surface) && matches!(self.bsdf, Bsdf::Thin(_))
     }
 
-    /// True if light through here is that of the vertex before.
+    /// True if light from `wi` passes a pane here, and so counts at the previous vertex.
     #[inline]
     pub(in crate::integrator) fn passes(&self, wi: Vec3) -> bool {
         self.wo.z * wi.z < 0.0 && self.is_pane()
@@ -117,8 +117,8 @@ impl ShadingPoint<'_> {
         self.direct_light_among(u, observer, |_, pdf_w| pdf_w)
     }
 
-    /// The same, weighed against the density `pdf` of the next direction instead of that of the BSDF, from which with the
-    /// world direction it follows.
+    /// The same with the MIS weight against a next direction of density `pdf`, a function of the world direction and of
+    /// the BSDF's density.
     #[inline]
     pub(in crate::integrator) fn direct_light_among<O: PathObserver>(
         &self,
@@ -138,7 +138,7 @@ impl ShadingPoint<'_> {
             return Rgb::ZERO;
         };
         let eval = self.bsdf.eval(self.alpha_reg, self.wo, wi);
-        // Events that are dark at this roughness are reported too: at another they are not.
+        // Events without light at this roughness are reported too: at another roughness they may have some.
         let query = if O::EVENTS && self.is_roughened() {
             self.bsdf.query(self.wo, wi)
         } else {
@@ -169,7 +169,7 @@ impl ShadingPoint<'_> {
         (lit && !self.is_dark(light.wi) && !self.passes(wi)).then_some(wi)
     }
 
-    /// Radiance of a light sample that arrives here, times the throughput; `None` if something stands between.
+    /// Radiance of a light sample that arrives here, times the throughput; `None` if it is blocked.
     #[inline(always)]
     pub(in crate::integrator) fn radiance_of(&self, light: &LightSample) -> Option<Rgb> {
         let transmittance = self.transmittance_to(light)?;
@@ -184,7 +184,7 @@ impl ShadingPoint<'_> {
             .towards(self.scene, self.surface, self.bsdf, outside, wi)
     }
 
-    /// Transmittance from here to a light sample; `None` if something stands between.
+    /// Transmittance from here to a light sample; `None` if it is blocked.
     #[inline]
     pub(in crate::integrator) fn transmittance_to(&self, light: &LightSample) -> Option<Rgb> {
         let ray = self.surface.spawn_to_light(light);
@@ -237,7 +237,7 @@ impl ShadingPoint<'_> {
                 Some((surface, self.scene.straight(&surface, ray.dir)?))
             });
             let Some((surface, transmittance)) = straight else {
-                // As light sampling from here sees it.
+                // With the density of light sampling from this vertex, not from the last pane.
                 return Some((self.scene.emission_at(ray, segment.hit)?, passed));
             };
             passed *= transmittance;
@@ -322,7 +322,7 @@ impl ShadingPoint<'_> {
             return Rgb::ZERO;
         };
         let sample = &found.sample;
-        // Only an interface between equal indices is a delta at any roughness; light sampling cannot see through it.
+        // Only an interface between equal indices is a delta at any roughness; light sampling finds nothing through it.
         let weight = if sample.delta {
             1.0
         } else {
@@ -331,7 +331,7 @@ impl ShadingPoint<'_> {
         found.radiance * sample.weight * weight
     }
 
-    /// Emission at the end of a direction that is drawn from the lobe at roughness `alpha`, found with a ray of its own.
+    /// Emission at the end of a separate ray, whose direction is drawn from the lobe at roughness `alpha`.
     #[inline]
     fn find_emission(&self, alpha: f32, u: &SharedNumbers) -> Option<FoundEmission> {
         let (local, lobe) = self.bsdf.direction(alpha, self.wo, u)?;
@@ -340,7 +340,7 @@ impl ShadingPoint<'_> {
         }
         let wi = self.world(local).filter(|wi| !self.is_dark(*wi))?;
         let (emission, transmittance) = self.emission_towards(wi)?;
-        // Few rays meet a light: only they need value and density.
+        // Few rays hit a light: only those need value and density.
         let sample = self.bsdf.complete(alpha, self.wo, local, lobe)?;
         Some(FoundEmission {
             sample,
@@ -358,8 +358,8 @@ impl ShadingPoint<'_> {
         })
     }
 
-    /// Draws a direction from the lobe at roughness `alpha` with the numbers `u`: the event at the end of its ray, if that
-    /// meets an emitter. The picture does not count it.
+    /// Draws a direction from the lobe at roughness `alpha` with the random numbers `u`; returns the event if its ray
+    /// hits an emitter. The picture does not count it.
     #[inline]
     pub fn lobe_event(&self, alpha: f32, u: &SharedNumbers) -> Option<Event> {
         self.found_event(&self.find_emission(alpha, u)?)
@@ -370,7 +370,7 @@ impl ShadingPoint<'_> {
 #[derive(Clone, Copy)]
 pub(in crate::integrator) struct PendingEmission {
     pub(in crate::integrator) weight: EmissionWeight,
-    /// The event to report if the ray meets an emitter, without its light.
+    /// The event to report if the ray hits an emitter, without the emitted radiance.
     pub(in crate::integrator) event: Option<Event>,
 }
 

@@ -1,23 +1,23 @@
-//! The ways of a camera walk through the smooth interfaces that it meets first.
+//! Path splitting at the first smooth interfaces of a camera walk; a *way* is one choice of their lobes.
 //!
-//! A draw follows the reflection at a pane with a chance of some per cent, so that few samples have what the pane reflects. Here the
-//! walk goes both ways, and each counts with its chance c: V = c V₁ + (1 − c) V₂, the expectation over that draw with all other
-//! numbers of the path as they are. All ways of a path have the same numbers.
+//! A random draw selects the reflection at a pane in a few per cent of the samples, so that reflected light is noisy.
+//! Here the walk follows both lobes, and each way is weighted by its probability c: V = c V₁ + (1 − c) V₂, the
+//! expectation over that draw. All ways of a path share the other random numbers.
 
 use crate::bsdf::{Bsdf, Lobe};
 use crate::math::Vec3;
 
-/// Interfaces at which a walk goes both ways: the front and back walls of a vessel.
+/// Most interfaces at which a walk splits: the front and back walls of a vessel.
 const MOST: usize = 4;
 
-/// Least chance of a way that is walked besides the one that is drawn.
+/// Least probability of a way that is followed besides the drawn one.
 const LEAST: f32 = 0.01;
 
 /// An interface on a way.
 #[derive(Clone, Copy, Debug)]
 struct Fork {
     lobe: Lobe,
-    /// Chance of the lobe.
+    /// Probability of the lobe.
     chance: f32,
     /// True if the other lobe was followed before.
     is_second: bool,
@@ -43,7 +43,7 @@ impl Ways {
         }
     }
 
-    /// The way that is drawn.
+    /// Only the way that is drawn.
     pub(in crate::integrator) fn drawn() -> Self {
         Self {
             most: 0,
@@ -51,8 +51,8 @@ impl Ways {
         }
     }
 
-    /// The numbers that draw a lobe at a vertex before the first draw from a smooth lobe: those of the path, `u`, except that
-    /// the first chooses the lobe of the current way at a fork.
+    /// The random numbers for the lobe at a vertex before the first draw from a non-Dirac lobe: `u`, except that at a
+    /// fork the first number is replaced by one that selects the lobe of the current way.
     #[inline]
     pub(in crate::integrator) fn choose(
         &mut self,
@@ -87,19 +87,19 @@ impl Ways {
         [choice, u[1], u[2]]
     }
 
-    /// Chance of the current way, in (0, 1].
+    /// Probability of the current way, in (0, 1].
     pub(in crate::integrator) fn share(&self) -> f32 {
         let forks = self.forks[..self.passed].iter().flatten();
         forks.map(|fork| fork.chance).product()
     }
 
-    /// Chance of going on after the first draw from a smooth lobe. Light beyond it counts the way's share c; with the chance c it would
-    /// have the noise of a drawn way, with 1 the cost of a whole path.
+    /// Survival probability after the first draw from a non-Dirac lobe. Light beyond it is weighted by the way's share
+    /// c: a probability of c would give the noise of a drawn way, 1 the cost of a whole path.
     pub(in crate::integrator) fn survival(&self) -> f32 {
         self.share().sqrt()
     }
 
-    /// Turns to the next way; false after the last one.
+    /// Switches to the next way; false after the last one.
     pub(in crate::integrator) fn turn(&mut self) -> bool {
         while self.passed > 0 {
             self.passed -= 1;
