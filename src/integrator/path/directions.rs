@@ -1,4 +1,4 @@
-//! Where a path goes on: directions of the BSDF alone, or of a guide too.
+//! Policies that draw a path's next direction, from the BSDF alone or also from a guide.
 
 use crate::bsdf::{LobeNumbers, SharedNumbers};
 use crate::integrator::walk::shading_point::{Continuation, ShadingPoint};
@@ -7,28 +7,28 @@ use crate::integrator::walk::{Arrival, Interaction, Walk};
 use crate::math::{Rgb, Vec3};
 use crate::sampler::{Sampler, VertexU};
 
-/// A policy that draws the next directions of a path, and may learn from what the path finds.
+/// A policy that draws the next directions of a path, and may learn from the light that the path finds.
 pub(in crate::integrator) trait Directions {
-    /// False where directions are drawn from the BSDF with the vertex's own numbers: a draw from a diffuse lobe then is one
-    /// from the roughened BSDF too.
+    /// False where directions are drawn from the BSDF with the vertex's own numbers: a draw from a diffuse lobe then is
+    /// one from the roughened BSDF too.
     const GUIDED: bool = true;
 
-    /// The path is at a vertex with these numbers; a policy may draw more.
+    /// Called at a vertex with its random numbers; a policy may draw more.
     fn arrive(&mut self, point: &ShadingPoint<'_>, u: &VertexU, sampler: &mut impl Sampler);
 
-    /// Chance of the current way of the walk.
+    /// Probability of the current way of the walk.
     #[inline(always)]
     fn share(&self) -> f32 {
         1.0
     }
 
-    /// Turns to the next way; false after the last one.
+    /// Switches to the next way; false after the last one.
     #[inline(always)]
     fn turn(&mut self) -> bool {
         false
     }
 
-    /// Chance of going on after the first draw from a smooth lobe; `None` for certainty.
+    /// Survival probability after the first draw from a non-Dirac lobe; `None` for certainty.
     #[inline(always)]
     fn survival(&self) -> Option<f32> {
         None
@@ -45,13 +45,13 @@ pub(in crate::integrator) trait Directions {
         u: &SharedNumbers,
     ) -> Option<Continuation>;
 
-    /// Light was found at the current vertex.
+    /// Called with light found at the current vertex.
     fn found(&mut self, value: Rgb);
 
-    /// Emission was met at the end of the edge from the current vertex, or of the camera ray.
+    /// Called with emission at the end of the edge from the current vertex, or of the camera ray.
     fn met(&mut self, value: Rgb);
 
-    /// The path goes on from a vertex with this throughput.
+    /// Called when the path continues from a vertex, with the throughput after it.
     fn leave(
         &mut self,
         vertex: &Interaction<'_>,
@@ -60,16 +60,16 @@ pub(in crate::integrator) trait Directions {
         sampler: &mut impl Sampler,
     );
 
-    /// The path is complete.
+    /// Called at the end of each way of the path.
     fn finish(&mut self);
 
-    /// True if emission at the end of the edge belongs to the path, and not to [`Directions::beyond`] of a vertex before.
+    /// True if emission at the end of the edge counts here, and not in [`Directions::beyond`] of an earlier vertex.
     #[inline(always)]
     fn counts(&self, _arrival: Option<&Arrival>) -> bool {
         true
     }
 
-    /// Light that a policy finds at a vertex by means of its own.
+    /// Light that a policy itself finds at a vertex, such as by manifold sampling.
     #[inline(always)]
     fn beyond(
         &mut self,
@@ -82,15 +82,15 @@ pub(in crate::integrator) trait Directions {
     }
 }
 
-/// Directions of the BSDF, on one way of a camera walk after another.
+/// Directions of the BSDF, along the ways of a camera walk one after another.
 pub(in crate::integrator) struct BsdfAlone {
     ways: Ways,
-    /// True up to the first draw from a smooth lobe.
+    /// True until the first draw from a non-Dirac lobe.
     is_seen: bool,
 }
 
 impl BsdfAlone {
-    /// Directions on the way that is drawn.
+    /// Directions along the drawn way only.
     pub(in crate::integrator) fn drawn() -> Self {
         Self {
             ways: Ways::drawn(),
@@ -98,7 +98,7 @@ impl BsdfAlone {
         }
     }
 
-    /// Directions on all ways.
+    /// Directions along all ways.
     pub(in crate::integrator) fn on_all_ways() -> Self {
         Self {
             ways: Ways::all(),

@@ -8,7 +8,7 @@
 //!
 //! With α′ = α, and after a draw from the diffuse lobe (whose direction does not depend on the roughness), (2) and (3)
 //! are one ray. Both draws use the same random numbers: (2) and (3) estimate disjoint sets of paths, so their
-//! correlation is harmless, and a table of zeros makes the bytes of plain path tracing.
+//! correlation is harmless, and a table of zeros gives pictures bit-identical to plain path tracing.
 
 use super::walk::observer::PathObserver;
 use super::walk::pending_emission::EmissionWeight;
@@ -34,7 +34,7 @@ pub struct PathTracer<R> {
     pub max_vertices: u32,
     /// Vertex (from 1) at which Russian roulette begins.
     pub roulette_start: u32,
-    /// Continue paths with the roughened lobe.
+    /// True to continue paths with the roughened lobe.
     pub reuse: bool,
     /// The rule that roughens the last vertex.
     pub rule: R,
@@ -53,7 +53,7 @@ impl<R> PathTracer<R> {
 }
 
 impl<R: Roughening> PathTracer<R> {
-    /// Radiance that arrives along a camera walk, on all ways of a policy: one independent estimate.
+    /// Radiance that arrives along a camera walk, along all ways of a policy: one independent estimate.
     ///
     /// `sample` is the number of the sample in its pixel, for rules whose bias vanishes.
     #[inline(always)]
@@ -78,7 +78,7 @@ impl<R: Roughening> PathTracer<R> {
         }
     }
 
-    /// The same on one way.
+    /// The same along one way.
     #[inline(always)]
     fn radiance_of_way<D: Directions, S: Sampler, O: PathObserver>(
         &self,
@@ -92,7 +92,7 @@ impl<R: Roughening> PathTracer<R> {
         let mut memory = self.rule.start(sample);
         let mut emission = PendingEmission::of(EmissionWeight::full(Rgb::ONE));
         let mut made = Bsdf::BLACK;
-        // True up to the first draw from a smooth lobe.
+        // True until the first draw from a non-Dirac lobe.
         let mut is_seen = true;
         for n in 1..=self.max_vertices + 1 {
             let mut arrival = walk.arrive(&mut emission, sampler);

@@ -1,4 +1,4 @@
-//! The mollifier: lights without area, seen by way of smooth mirrors and glass `[PSR]`.
+//! The mollifier: lights without area, seen through smooth mirrors and glass `[PSR]`.
 
 use crate::integrator::walk::cone::Cone;
 use crate::integrator::walk::shading_point::{Continuation, ShadingPoint};

@@ -12,12 +12,12 @@ use crate::regularise::Roughening;
 use crate::sampler::SampleSource;
 use std::ops::Range;
 
-/// Pixels a side of the tiles that threads take: small enough that all cores stay busy to the end.
+/// Pixels per side of the tiles that threads take: small enough that all cores stay busy to the end.
 const TILE: u32 = 16;
 
 impl<R: Roughening> PathTracer<R> {
-    /// Adds the samples with these numbers to every pixel of a film of the view, each on the way through glass that it draws. Returns
-    /// how many were added, fewer than all where the render is stopped.
+    /// Adds the samples with these numbers to every pixel of a film of the view, each along one drawn way through
+    /// glass. Returns how many were added, fewer than all where the render is stopped.
     pub fn estimate<Q: SampleSource, O: Recorder>(
         &self,
         view: &View<'_>,

@@ -1,4 +1,4 @@
-//! The smooth interfaces by way of which light is sought.
+//! The smooth interfaces over which manifold sampling connects to lights.
 
 use super::constraint::Patch;
 use crate::bsdf::{Bsdf, DELTA_ALPHA, is_matched};
@@ -9,7 +9,7 @@ use crate::scene::{Hit, Material, Scene, Surface, TriangleId};
 
 /// Triangles of smooth metals and smooth glass whose BSDF is the same everywhere.
 pub(super) struct Casters {
-    /// For each material, the index inside over that outside; 0 for a metal, `None` for what is no caster.
+    /// For each material, the index inside over that outside; 0 for a metal, `None` for a material that is no caster.
     etas: Vec<Option<f32>>,
     /// Triangles that no instances share.
     triangles: Vec<TriangleId>,
@@ -17,7 +17,7 @@ pub(super) struct Casters {
     instances: Vec<(TriangleId, u32)>,
     /// Choice of a triangle of each shared mesh, by its area in the first instance.
     shared: Vec<AliasTable>,
-    /// Choice of a triangle, then of an instance: all meshes and instances alike, the triangles of a mesh by area.
+    /// Choice of an unshared triangle or an instance: meshes and instances alike, the triangles of a mesh by area.
     choice: AliasTable,
 }
 
@@ -105,7 +105,7 @@ impl Casters {
     }
 }
 
-/// The triangle of a surface point.
+/// Corners and normals of a triangle.
 pub(super) fn patch(scene: &Scene, triangle: TriangleId) -> Patch {
     let (corners, normals) = scene.geometry().smooth_triangle(triangle);
     Patch {
@@ -123,8 +123,8 @@ mod tests {
     use crate::scene::{SceneParts, SharedMesh};
     use glam::{DAffine3, DVec3};
 
-    /// Two mirrors and two instances of a third, of each pair one much larger than the other, beside one of chalk: cells of each get
-    /// the same number of seeds.
+    /// Two mirrors and two instances of a third, small and large ones, beside a diffuse quad: all cells of the mirrors
+    /// get equally many seeds.
     #[test]
     fn manifold_seeds_chi_square() {
         let mut parts = SceneParts::default();
@@ -133,7 +133,7 @@ mod tests {
         parts.add(materials::metal("silver", Vec3::ONE, 0.0), both);
         let chalk = materials::diffuse("chalk", Vec3::ONE);
         parts.add(chalk, [quad(20.0, 1.0)]);
-        // Of four triangles that differ in area.
+        // A mesh of four triangles that differ in area.
         let mut mesh = quad(0.0, 1.0);
         mesh.positions.push(Vec3::new(0.25, 0.25, 0.0));
         mesh.indices = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];

@@ -1,16 +1,16 @@
-//! The specular constraint: where light goes from one point to another by way of smooth interfaces.
+//! The specular constraint: zero along light paths from one point to another over smooth interfaces.
 //!
-//! At a vertex xᵢ between xᵢ₋₁ and xᵢ₊₁ the generalised half vector hᵢ = n₀ ω₀ + n₂ ω₂ is parallel to the normal, with ω₀ and ω₂ the
-//! directions towards the two and n₀, n₂ the indices on their sides, equal for a reflection `[Walter07 (16)]`. Its tangential
-//! part Cᵢ is zero `[SMS §4]`.
+//! At a vertex xᵢ between xᵢ₋₁ and xᵢ₊₁ the generalised half vector hᵢ = n₀ ω₀ + n₂ ω₂ is parallel to the normal, with
+//! ω₀ and ω₂ the directions towards the two and n₀, n₂ the indices on their sides, equal for a reflection
+//! `[Walter07 (16)]`. Its tangential part Cᵢ is zero `[SMS §4]`.
 //!
-//! A chain x₀ … xₖ is traced from x₀ by way of x₁, so that C₁ … Cₖ₋₁ are zero and x₁ decides all that follow. By the theorem of the implicit
-//! function, with Dᵢ = ∂xᵢ/∂x₁, D₀ = 0 and D₁ = 1,
+//! A chain x₀ … xₖ is traced from x₀ through x₁, so that C₁ … Cₖ₋₁ are zero and x₁ determines all later vertices. By
+//! the implicit function theorem, with Dᵢ = ∂xᵢ/∂x₁, D₀ = 0 and D₁ = 1,
 //!
 //! Dᵢ₊₁ = −(∂Cᵢ/∂xᵢ₊₁)⁻¹ Jᵢ, Jᵢ = ∂Cᵢ/∂xᵢ Dᵢ + ∂Cᵢ/∂xᵢ₋₁ Dᵢ₋₁.
 //!
-//! Newton's method on Cₖ steps by −Jₖ⁻¹ Cₖ, and x₁ changes with the end of the chain by −Jₖ⁻¹ ∂Cₖ/∂xₖ₊₁, from which follows how
-//! light spreads.
+//! Newton's method on Cₖ steps by −Jₖ⁻¹ Cₖ, and x₁ changes with the end of the chain by −Jₖ⁻¹ ∂Cₖ/∂xₖ₊₁, which gives
+//! the spread of light.
 
 use crate::math::{DVec2, DVec3};
 use glam::DMat2;
@@ -22,11 +22,11 @@ pub(super) struct Patch {
     pub(super) normals: [DVec3; 3],
 }
 
-/// A point of a patch, its normal, and how that changes.
+/// A point of a patch, its normal, and the derivatives of the normal.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PatchPoint {
     pub(super) position: DVec3,
-    /// Unit vectors across one another in the plane of the triangle.
+    /// Orthonormal vectors in the plane of the triangle.
     pub(super) axes: [DVec3; 2],
     /// Unit normal of the triangle.
     pub(super) facet: DVec3,
@@ -106,7 +106,7 @@ impl Patch {
 }
 
 impl PatchPoint {
-    /// Unit vectors across the normal and one another.
+    /// Orthonormal vectors perpendicular to the normal.
     fn tangents(&self) -> [DVec3; 2] {
         let (s, t) = self.normal.any_orthonormal_pair();
         [s, t]
@@ -128,7 +128,7 @@ impl End {
 }
 
 impl ChainVertex {
-    /// Direction in which light from the direction `w0` of the vertex before is refracted; `None` where all is reflected.
+    /// Direction in which light from the direction `w0` of the vertex before is refracted; `None` at total reflection.
     pub(super) fn refracted(&self, w0: DVec3) -> Option<DVec3> {
         let [n0, n2] = self.indices;
         let cos = self.at.normal.dot(w0);
@@ -138,8 +138,8 @@ impl ChainVertex {
         (cos2 > 0.0).then(|| -ratio * w0 + (ratio * cos.abs() - cos2.sqrt()) * normal)
     }
 
-    /// Derivatives of the constraint along directions of another vertex, `w` the direction to it, `scale` its index over its
-    /// distance.
+    /// Derivatives of the constraint along directions of another vertex, `w` the direction to it, `scale` its index
+    /// over its distance.
     fn by_other(&self, axes: [DVec3; 2], w: DVec3, scale: f64) -> DMat2 {
         let [s, t] = self.at.tangents();
         let column = |d: DVec3| {
@@ -170,7 +170,7 @@ impl ChainVertex {
     }
 }
 
-/// A chain of at least one vertex that light has been traced along from `from`, and its end.
+/// Constraint and derivatives of a chain that was traced from `from`; `None` without vertices.
 pub(super) fn chain(from: DVec3, vertices: &[ChainVertex], end: End) -> Option<Chain> {
     let first = vertices.first()?;
     let (w0, r0) = End::Point(from).from(first.at.position);
@@ -209,14 +209,14 @@ pub(super) fn chain(from: DVec3, vertices: &[ChainVertex], end: End) -> Option<C
 }
 
 impl Chain {
-    /// Step of Newton's method along the axes of the first vertex; `None` where the constraint does not tell.
+    /// Step of Newton's method along the axes of the first vertex; `None` for a singular Jacobian.
     pub(super) fn step(&self) -> Option<DVec2> {
         let step = self.jacobian.inverse() * -self.value;
         step.is_finite().then_some(step)
     }
 
-    /// Solid angle at x₀ per area at the end across the last edge, or per solid angle of a direction, where the constraint is
-    /// zero: |∂ω₀/∂xₖ₊₁| `[SMS (9)]`. Not finite where all of a neighbourhood is in focus.
+    /// Solid angle at x₀ per area at the end across the last edge, or per solid angle of a direction, where the
+    /// constraint is zero: |∂ω₀/∂xₖ₊₁| `[SMS (9)]`. Not finite where a whole neighbourhood is focused on the end.
     pub(super) fn spread(&self) -> f64 {
         self.seen * (self.by_end.determinant() / self.jacobian.determinant()).abs()
     }

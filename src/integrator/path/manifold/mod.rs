@@ -1,23 +1,23 @@
-//! Light by way of smooth interfaces, found by Newton's method: specular manifold sampling `[SMS]`.
+//! Light over smooth interfaces, found by Newton's method: specular manifold sampling `[SMS]`.
 //!
-//! Plain path tracing meets a small lamp behind a mirror or under water by chance alone, and a light without area never. Here a
-//! receiver x₀ draws a point of a light and a seed on a [caster](casters), from which Newton's method on the
-//! [`constraint`] walks to a chain of vertices along which light goes from there to x₀. Of a solution the contribution is
-//! f · T · Le · |∂ω₀/∂xₖ₊₁| over the density of xₖ₊₁ and the probability p of the solution, which is not known. Both
-//! estimators of `[SMS §4]` are here:
+//! Plain path tracing hits a small lamp behind a mirror or under water only by chance, and a light without area never.
+//! Here a receiver x₀ draws a point xₖ₊₁ of a light and a seed on a [caster](casters), from which Newton's method on
+//! the [`constraint`] finds a specular chain between the two points. A solution contributes f · T · Le · |∂ω₀/∂xₖ₊₁|
+//! over the density of xₖ₊₁ and over the unknown probability p of the solution. Both estimators of `[SMS §4]` are
+//! implemented:
 //!
 //! - *unbiased*: 1/p is the mean number of further trials until the same solution is found again;
-//! - *biased* with M trials: every solution that one of them has found counts once, so that what is found rarely is dimmed.
+//! - *biased* with M trials: every solution that one of them finds counts once, so that rare solutions are too dark.
 //!
-//! The strategy has these paths for itself: a receiver of roughness α of at least [`ROUGH`], scattered by a lobe that is no
-//! Dirac lobe; a [chain](Kind) of casters; a light that is not the environment. Emission that a path meets so is not counted. All
-//! other paths stay with the path tracer. No pane may stand on the way.
+//! Only this strategy samples paths with a receiver of roughness α of at least [`ROUGH`] that scatters by a non-Dirac
+//! lobe, a [chain](Kind) of casters, and a light that is not the environment. Emission at the end of such a traced path
+//! is not counted. The path tracer samples all other paths. A pane in between blocks a chain.
 //!
-//! Seeds are in equal parts uniform points of the casters, all meshes alike, as in `[SMS]`, and what the receiver sees near the
-//! direction to the light, where refractions at gentle waves and in thin bodies have their solutions.
+//! Half of the seeds are uniform points of the casters, equally many per mesh, as in `[SMS]`. The others are hits of
+//! rays near the direction to the light, where refractions at gentle waves and in thin bodies have their solutions.
 //!
-//! The unbiased estimator gives up after [`MOST`] trials: what is found more rarely is dimmed. A solution to which no seed
-//! leads, as at the edge of a facet, is lost.
+//! The unbiased estimator stops after [`MOST`] trials: rarer solutions are too dark. A solution that no seed converges
+//! to, as at the edge of a facet, is lost.
 
 mod casters;
 mod constraint;
@@ -39,24 +39,24 @@ const ROUGH: f32 = 0.1;
 /// Most trials for one solution.
 const MOST: u32 = 1024;
 
-/// Most steps of Newton's method, and the least part of a step that is tried.
+/// Most steps of Newton's method, and the least fraction to which a step is cut.
 const STEPS: u32 = 20;
 const LEAST_REACH: f64 = 1.0 / 64.0;
 
-/// Length of the constraint at a solution, from which one more step is taken, since solutions are compared.
+/// Length of the constraint below which a point is a solution; one more step refines it, since solutions are compared.
 const CLOSE: f64 = 2e-5;
 
-/// Distance of the directions of two trials with one solution.
+/// Distance of directions below which two trials have the same solution.
 const SAME: f32 = 5e-4;
 
-/// Distance from the direction to the light at which the traced path of a solution may leave its last vertex.
+/// Largest distance between the direction of a solution at its last vertex and the direction to the light.
 const MISSED: f32 = 2e-3;
 
 /// Share of the seeds near the direction to the light.
 const AIMED: f32 = 0.5;
 
-/// Bounds of the share of reflections at a dielectric: between them that of Fresnel's equations at the seed. Where that
-/// reflects all light, Newton's method may still walk to a refraction.
+/// Bounds of the probability of a reflection at a dielectric, else the Fresnel reflectance at the seed. Even from a
+/// seed with total reflection, Newton's method may converge to a refraction.
 const REFLECTED: [f32; 2] = [0.05, 0.5];
 
 /// Casters of a scene and the number of trials.
@@ -112,18 +112,18 @@ impl Kind {
     }
 }
 
-/// The way of the path since its last receiver.
+/// Vertices of the path since its last receiver.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Since {
     Elsewhere,
     Receiver,
     /// Into a caster.
     Entered,
-    /// By way of a whole chain.
+    /// Through a whole chain.
     Chain,
 }
 
-/// Directions of the BSDF, and light that is sought by way of casters.
+/// Directions of the BSDF, with manifold sampling at receivers.
 pub(in crate::integrator) struct Seeking<'a> {
     manifold: &'a Manifold,
     since: Since,
@@ -207,7 +207,7 @@ impl Directions for Seeking<'_> {
                 Place::Direction(dir) => End::Direction(dir.as_dvec3()),
             },
         };
-        // Numbers of its own, which the vertex's decide.
+        // A separate random stream, seeded by the numbers of the vertex.
         let [a, b, c] = u.lobe.map(|x| u64::from(x.to_bits()));
         let seed = Seed(u.light.pick.to_bits() ^ a << 32 ^ b ^ c << 16).derive(Domain::Manifold, 0);
         let mut stream = Independent { seed }.stream(UVec2::ZERO, 0);
@@ -219,7 +219,7 @@ impl Directions for Seeking<'_> {
     }
 }
 
-/// A receiver that seeks a point of a light.
+/// The search for chains from a receiver to a point of a light.
 struct Search<'a, 'v> {
     casters: &'a Casters,
     walk: &'a Walk<'v>,
@@ -246,7 +246,7 @@ impl Solution {
     }
 }
 
-/// A chain that was traced from the receiver; of one vertex, the second is the first again.
+/// A chain that was traced from the receiver; with one vertex, the second repeats the first.
 struct Traced {
     vertices: [ChainVertex; 2],
     length: usize,
@@ -276,7 +276,7 @@ impl Search<'_, '_> {
         found.iter().map(|solution| solution.value).sum()
     }
 
-    /// Walks from a random seed to a solution.
+    /// Runs Newton's method from a random seed; `None` without a solution.
     fn trial(&self, stream: &mut impl Sampler) -> Option<Solution> {
         let (choice, pick) = (stream.next_1d(), stream.next_pick());
         let at = Vec2::new(stream.next_1d(), stream.next_1d());
@@ -287,7 +287,7 @@ impl Search<'_, '_> {
                 End::Point(at) => (at - self.from).normalize(),
                 End::Direction(dir) => dir,
             };
-            // Near and less near alike.
+            // Offsets over several orders of magnitude.
             towards + (pick * pick * pick) * warp::sphere(at).as_dvec3()
         } else {
             let seed = self.casters.point(pick, at)?;
@@ -319,7 +319,7 @@ impl Search<'_, '_> {
         Some(self.point.surface.spawn(dir))
     }
 
-    /// The caster that a ray meets, and its index inside over that outside.
+    /// The caster that a ray hits, and its index inside over that outside.
     fn seen(&self, ray: &Ray) -> Option<(f32, Surface)> {
         let surface = self.point.scene.surface(&self.point.scene.intersect(ray)?);
         Some((self.casters.eta(&surface)?, surface))
@@ -329,7 +329,7 @@ impl Search<'_, '_> {
         (before - at.position.as_dvec3()).dot(at.ng.as_dvec3()) > 0.0
     }
 
-    /// The vertex of a chain at a surface seen from `before`; `None` where the step cannot be.
+    /// The vertex of a chain at a surface seen from `before`; `None` where the step is impossible.
     fn chain_vertex(&self, at: &Surface, before: DVec3, step: Step) -> Option<ChainVertex> {
         let eta = f64::from(self.casters.eta(at)?);
         let indices = match (step, self.is_outside(at, before)) {
@@ -361,7 +361,7 @@ impl Search<'_, '_> {
         Some(traced)
     }
 
-    /// Newton's method, its steps cut in half where they lead away from the casters `[SMS, algorithm 1]`: the first vertex.
+    /// First vertex of a solution by Newton's method; steps that miss casters are halved `[SMS, algorithm 1]`.
     fn solve(&self, seed: DVec3, kind: Kind) -> Option<DVec3> {
         let mut traced = self.traced(seed, kind)?;
         let (mut reach, mut close) = (1.0, false);
@@ -388,7 +388,7 @@ impl Search<'_, '_> {
         None
     }
 
-    /// The path by way of a solved point, traced as the path tracer does.
+    /// The path through a solved first vertex, traced as in the path tracer.
     fn connect(&self, by: DVec3, kind: Kind) -> Option<Solution> {
         let point = self.point;
         let dir = (by - self.from).try_normalize()?.as_vec3().normalize();
@@ -440,7 +440,7 @@ impl Search<'_, '_> {
             let around = walk.around();
             let passed = vertex.unblocked(point.scene, around, &ray, light.distance, 0)?;
             let spread = chain(self.from, &vertices, self.end)?.spread() as f32;
-            // Per solid angle at the last vertex, as the density of the light sample is, for a spread per area.
+            // Converts the spread from area at the light to solid angle at the last vertex, as in the light's density.
             let area = match light.distance {
                 distance if distance.is_finite() => distance * distance,
                 _ => 1.0,

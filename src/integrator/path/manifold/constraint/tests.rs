@@ -32,13 +32,13 @@ fn vertex(patch: &Patch, at: DVec3, indices: [f64; 2]) -> ChainVertex {
     }
 }
 
-/// Point at which a ray meets the plane of a patch.
+/// Point at which a ray hits the plane of a patch.
 fn meet(patch: &Patch, from: DVec3, dir: DVec3) -> DVec3 {
     let at = patch.at(from).expect("area");
     from + dir * ((at.position - from).dot(at.facet) / dir.dot(at.facet))
 }
 
-/// The chain by way of `at`, traced from `from` through all patches.
+/// The chain through `at`, traced from `from` over all patches.
 fn traced(from: DVec3, at: DVec3, patches: &[Patch], indices: &[[f64; 2]]) -> Vec<ChainVertex> {
     let mut chain = vec![vertex(&patches[0], at, indices[0])];
     let mut before = from;
@@ -129,7 +129,7 @@ fn solved(from: DVec3, patches: &[Patch], indices: &[[f64; 2]], end: End) -> Cha
     found
 }
 
-/// A flat mirror shows the point behind it: light spreads as over the unfolded way.
+/// Light over a flat mirror spreads as over the unfolded path to the mirrored point.
 #[test]
 fn manifold_spread_of_a_flat_mirror_is_that_of_the_mirrored_point() {
     let (from, to) = (DVec3::new(0.0, 1.0, 0.0), DVec3::new(2.0, 3.0, 1.0));
@@ -157,7 +157,7 @@ fn manifold_spread_through_plane_sides_is_that_of_snells_law() {
     assert!((water.spread() - expected).abs() < 1e-9);
 }
 
-/// The closed form of light from infinity after a ball that reflects: 1 / ((1 + 2 d / (r cos θ)) (1 + 2 d cos θ / r)).
+/// The closed form for light from infinity that a ball reflects: 1 / ((1 + 2 d / (r cos θ)) (1 + 2 d cos θ / r)).
 #[test]
 fn manifold_spread_of_a_mirror_ball_is_the_closed_form() {
     let (radius, distance) = (0.7, 1.3);
