@@ -1,4 +1,4 @@
-//! The guide as a path's directions: a mixture of the BSDF and what was learned, and the records of what a path finds.
+//! Directions from a mixture of BSDF and guide, and the training records of a path.
 
 use super::field::{Field, Leaf, Record};
 use crate::bsdf::{BsdfSample, Lobe, SharedNumbers};
@@ -11,12 +11,12 @@ use crate::regularise::rules::RulePath;
 use crate::regularise::{Roughening, Rule};
 use crate::sampler::{Sampler, VertexU};
 
-/// Roughness below which a lobe is not guided: where it is sharp its own density is better than any quadtree, and in chains
-/// of such lobes every draw that misses them costs a factor.
+/// Roughness below which a lobe is not guided: the density of a sharp lobe is better than any quadtree, and in chains
+/// of such lobes most draws from the guide miss.
 const SHARP: f32 = 0.3;
 
-/// The density from which a vertex draws the next direction: that of the BSDF, and where the guide knows something, a
-/// mixture of both.
+/// The density from which a vertex draws the next direction: that of the BSDF, or a mixture with that of the guide
+/// where the guide has one.
 #[derive(Clone, Copy)]
 struct Mixture<'a> {
     region: Option<&'a Leaf>,
@@ -36,7 +36,7 @@ impl Mixture<'_> {
         }
     }
 
-    /// Draws a direction; also its density in the BSDF, and in the tree.
+    /// Draws a direction; also returns its densities in the BSDF and in the tree.
     #[inline]
     fn sample(
         &self,
@@ -104,11 +104,11 @@ struct OpenRecord {
     weight: Rgb,
     /// Throughput beyond the vertex.
     throughput: Rgb,
-    /// Contributions found beyond it, before the next record.
+    /// Contributions beyond it, before the next record.
     found: Rgb,
 }
 
-/// Training samples of the guide from the paths of a tile.
+/// Training records of the guide from the paths of a tile.
 #[derive(Default)]
 pub(super) struct TrainingSamples {
     pub(super) records: Vec<Record>,
@@ -143,7 +143,7 @@ impl TrainingSamples {
     }
 }
 
-/// A rule that only the guide learns with: what it finds at a vertex of the path's own roughness is that of a roughened one.
+/// A rule for the training only: the guide learns the light of roughened vertices, while the picture is not roughened.
 struct LearningRule<'a> {
     rule: &'a Rule,
     memory: RulePath,
@@ -152,13 +152,13 @@ struct LearningRule<'a> {
 /// The current vertex of a path.
 struct Site<'a> {
     mixture: Mixture<'a>,
-    /// True if the guide may draw from it, and learns from it.
+    /// True if the guide may draw here, and learns from here.
     guided: bool,
     /// Extent of the region around it.
     edges: Vec3,
     /// Class of the vertex, for the choice of a share.
     class: u8,
-    /// Numbers of the next direction.
+    /// Random numbers of the next direction.
     u: [f32; 4],
     /// Densities of that direction in the BSDF and in the tree.
     pdfs: [f32; 2],
@@ -171,12 +171,12 @@ pub(super) struct Guide<'a> {
     training: Option<&'a mut TrainingSamples>,
     learning: Option<LearningRule<'a>>,
     site: Option<Site<'a>>,
-    /// False where light of the current vertex, and emission that the ray from it meets, are recorded by a roughened lobe.
+    /// False if the roughened lobe of `learning` has recorded the light of the current vertex and of its next edge.
     records: bool,
 }
 
 impl<'a> Guide<'a> {
-    /// Directions of the path of sample number `sample`. The guide alone learns with `rule`, if there is one.
+    /// Directions of the path of sample number `sample`. `rule`, if there is one, is for the training only.
     pub(super) fn new(
         field: &'a Field,
         training: Option<&'a mut TrainingSamples>,
@@ -196,13 +196,13 @@ impl<'a> Guide<'a> {
         }
     }
 
-    /// Records light of a vertex that the rule of the guide roughens; true if it does.
+    /// Records light of a vertex that the training rule roughens; returns true if it does.
     fn learn_roughened(&mut self, point: &ShadingPoint<'_>, u: &VertexU) -> bool {
         let Some(LearningRule { rule, memory }) = &self.learning else {
             return false;
         };
         let alpha_reg = roughen(*rule, memory, point.alpha);
-        // What passes a pane is light of the vertex before.
+        // Light through a pane counts at the previous vertex.
         if alpha_reg <= point.alpha || point.is_pane() {
             return false;
         }
@@ -222,7 +222,7 @@ impl Directions for Guide<'_> {
     fn arrive(&mut self, point: &ShadingPoint<'_>, u: &VertexU, sampler: &mut impl Sampler) {
         let v = std::array::from_fn(|_| sampler.next_1d());
         let ShadingPoint { bsdf, alpha, .. } = *point;
-        // Without its glossy lobe a surface with a base is no Dirac delta.
+        // A surface with a diffuse base is guided, however sharp its glossy lobe is.
         let guided = alpha >= SHARP && !bsdf.is_delta_at(alpha) || !bsdf.is_delta_at(0.0);
         let (leaf, edges) = if guided {
             self.field.leaf(point.surface.position)
@@ -232,7 +232,7 @@ impl Directions for Guide<'_> {
         let region = self.field.region(leaf);
         let class = u8::from(!bsdf.is_diffuse());
         let share = region.shares[usize::from(class)];
-        // A tree that no direction is drawn from is asked for its density by training samples alone.
+        // If no direction is drawn from the tree, only the training needs its density.
         let asked = guided && (share < 1.0 || self.training.is_some());
         self.site = Some(Site {
             mixture: Mixture {

@@ -1,37 +1,37 @@
 //! The guide: a distribution of directions for every region of space.
 //!
-//! A binary tree halves the cube around the scene, axis by axis; each leaf has the quadtree that paths sample and one that
-//! is being filled `[Müller17 §3.1]`. Records are added in their own order within a leaf, whatever the threads.
+//! A binary tree halves the cube around the scene, axis by axis; each leaf has the quadtree that paths sample and one
+//! that is being filled `[Müller17 §3.1]`. Within a leaf, records are added in a fixed order at any number of threads.
 
 use super::quadtree::{MAX_TREE_BYTES, Quadtree, Sums, square};
 use crate::math::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Records above which a leaf is divided after the first iteration; after iteration k (from 0) 2^(k/2) times as many
-/// `[Müller17 §3.3]`. Their 12000 are for pictures of more pixels.
+/// Records above which a leaf is split after the first iteration; after iteration k (from 0) 2^(k/2) times as many
+/// `[Müller17 §3.3]`. The 12000 of that paper are for pictures of more pixels.
 const DIVIDED_ABOVE: f64 = 800.0;
 
-/// Leaves of the tree: a bound of its memory.
+/// Most leaves of the tree, which bounds its memory.
 const MAX_LEAVES: usize = 8192;
 
-/// Probabilities of drawing from the BSDF, of which a leaf takes the one whose mixture is nearest to what paths found: the
-/// largest Σ w log p, with w the light that a direction brought over its density (least Kullback-Leibler divergence, as
-/// `[Müller19 §3.3]`, which descends along a gradient). Weights of a path grow by no more than 2 at a vertex.
+/// Candidates for the probability of drawing from the BSDF. A leaf takes the one with the largest Σ w log p, with w the
+/// light from a direction over its density: the mixture with the least Kullback-Leibler divergence from the light
+/// found. `[Müller19 §3.3]` uses gradient descent. Path weights grow at most by 1/0.5 per vertex.
 const SHARES: [f32; 5] = [0.5, 0.65, 0.8, 0.9, 1.0];
 
 /// Least gain of the mean of log p over the BSDF alone for which directions are drawn from a tree.
 const MIN_GAIN: f64 = 0.05;
 
-/// Radiance that arrived at a vertex from a direction, by the estimate of one path.
+/// One path's estimate of the radiance that arrives at a vertex from a direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Record {
     /// Leaf of the vertex, or one beside it.
     pub(super) leaf: u32,
-    /// The direction on the square.
+    /// The direction, mapped to the unit square.
     pub(super) at: Vec2,
     /// Luminance over the density of the direction.
     pub(super) value: f32,
-    /// Luminance of the same that the BSDF scatters.
+    /// Luminance of the light that the BSDF scatters, over the same density.
     pub(super) scattered: f32,
     /// Densities of the direction in the BSDF and in the tree.
     pub(super) pdfs: [f32; 2],
@@ -42,9 +42,9 @@ pub(super) struct Record {
 /// A node of the tree of space.
 #[derive(Clone, Copy, Debug, Default)]
 struct Halves {
-    /// Nodes of the halves; 0 in a leaf.
+    /// Indices of the halves' nodes; 0 in a leaf.
     children: [u32; 2],
-    /// The leaf's number.
+    /// Index of the leaf.
     leaf: u32,
 }
 
@@ -54,7 +54,7 @@ const CLASSES: usize = 2;
 /// A region of space.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
-    /// The density that paths sample; empty before anything was found.
+    /// The density that paths sample; empty before the first record.
     pub(super) tree: Quadtree,
     filling: Sums,
     /// Records of this iteration.
@@ -65,7 +65,7 @@ pub(super) struct Leaf {
     fits: [Fit; CLASSES],
 }
 
-/// Evidence for a share.
+/// Log-likelihoods of the candidates for a share.
 #[derive(Clone, Copy, Debug, Default)]
 struct Fit {
     /// Σ w.
@@ -102,7 +102,7 @@ impl Leaf {
             tree: Quadtree::default(),
             filling: Sums::default(),
             count: 0,
-            // Nothing is drawn from a tree before it has explained samples of the BSDF.
+            // No draws from a tree before its density fits the light of samples of the BSDF.
             shares: [1.0; CLASSES],
             fits: [Fit::default(); CLASSES],
         }
@@ -125,7 +125,7 @@ impl Leaf {
         }
     }
 
-    /// Ends an iteration: what was filled becomes what is sampled, unless nothing was found.
+    /// Ends an iteration: the density of the filled sums replaces the sampled one, unless it is empty.
     fn next(&mut self) {
         let density = self.filling.finish();
         if !density.is_empty() {
@@ -139,7 +139,7 @@ impl Leaf {
 }
 
 impl Field {
-    /// An empty guide for what lies between two corners.
+    /// An empty guide for the box between two corners.
     pub(super) fn new((low, high): (Vec3, Vec3)) -> Self {
         let edge = (high - low).max_element();
         Self {
@@ -172,9 +172,8 @@ impl Field {
         (node.leaf, edges / self.scale)
     }
 
-    /// A record's leaf and point of the square: those of a position and a direction moved by offsets in the box of its leaf
-    /// and in that of the direction, so that neighbours learn from each other `[Müller19 §3.2]`. `offsets` are in
-    /// [-0.5, 0.5).
+    /// A record's leaf and point of the square, for a position moved by `offset` and a direction moved by `turn` edges
+    /// of its quadtree leaf, so that neighbours share records `[Müller19 §3.2]`. `turn` is in [-0.5, 0.5).
     pub(super) fn blurred(
         &self,
         position: Vec3,
@@ -227,7 +226,7 @@ impl Field {
             });
     }
 
-    /// Ends an iteration: its records make the next distributions, and leaves of many records are divided.
+    /// Ends an iteration: its records make the next distributions, and leaves of many records are split.
     pub(super) fn next(&mut self) {
         self.leaves.par_iter_mut().for_each(Leaf::next);
         let most = DIVIDED_ABOVE * 2f64.powf(0.5 * f64::from(self.iterations));
@@ -283,7 +282,7 @@ mod tests {
         let edge = |p| field.leaf(p).1.max_element();
         assert!(edge(corner) < 0.6, "{}", edge(corner));
         assert!(edge(Vec3::new(3.9, 0.9, 1.9)) >= 2.0);
-        // Both halves of what was divided go on with what it knew.
+        // Both halves of a split leaf start with its density.
         let region = |p| field.region(field.leaf(p).0);
         assert!(!region(Vec3::new(3.9, 0.9, 1.9)).tree.is_empty());
         assert!(

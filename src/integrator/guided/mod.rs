@@ -1,14 +1,13 @@
-//! Path tracing that learns where light comes from: the guide of `[Müller17]`, with filters and learned shares of
-//! `[Müller19]`.
+//! Guided path tracing: the guide of `[Müller17]`, with filters and learned shares of `[Müller19]`.
 //!
-//! Iterations have 1, 2, 4, … samples per pixel. The paths of an iteration draw directions from a mixture of the BSDF and
-//! the guide that the iterations before it made, and what they find makes the next guide. Given the guide, every sample
-//! is unbiased (its numbers are independent of those before), so the picture is the mean of all samples: no iteration is
-//! thrown away, and none is weighed by what it found.
+//! Iterations have 1, 2, 4, … samples per pixel. The paths of an iteration draw directions from a mixture of the BSDF
+//! and the guide that the iterations before it made, and the light that they find makes the next guide. Given the
+//! guide, every sample is unbiased (its numbers are independent of those before), so the picture is the mean of all
+//! samples: no iteration is discarded or reweighted.
 //!
-//! The guide depends on the samples before it, not on the passes or threads that made them: a sample is complete before the
-//! next one begins, and records are added in the order of tiles and pixels. A resumed render learns anew from the samples
-//! of the iterations, without counting them again.
+//! The guide depends on the samples before it, not on the passes or threads that made them: a sample is complete before
+//! the next one begins, and records are added in the order of tiles and pixels. A resumed render trains the guide again
+//! with the earlier samples, which it does not add to the film again.
 
 mod directions;
 mod field;
@@ -27,13 +26,13 @@ use directions::{Guide, TrainingSamples};
 use field::Field;
 use std::ops::Range;
 
-/// Samples of the iterations: 1 + 2 + 4 + … The guide stays as it is after them.
+/// Samples of all training iterations: 1 + 2 + 4 + … The guide does not change after them.
 pub(crate) const LEARNING: u32 = 255;
 
-/// Pixels a side of the tiles that threads take.
+/// Pixels per side of the tiles that threads take.
 const TILE: u32 = 16;
 
-/// Tiles whose records are kept at a time.
+/// Tiles whose records are stored at a time.
 const BATCH: usize = 256;
 
 /// Bytes of the records of a batch for each of its pixels: five vertices; measured.
@@ -43,18 +42,18 @@ const RECORD_BYTES: u64 = 200;
 #[derive(Debug)]
 pub(super) struct Guided {
     tracer: PathTracer<Rule>,
-    /// The guide alone learns from roughened vertices: the picture is plain.
+    /// True if the rule is for training only: the picture is that of plain path tracing.
     unbiased: bool,
     seed: u64,
     state: Option<State>,
 }
 
-/// A guide and what it has learned from.
+/// A guide, and the samples from which it was trained.
 #[derive(Debug)]
 struct State {
     frame: UVec2,
     window: Window,
-    /// Samples that were taken.
+    /// Number of samples so far.
     samples: u32,
     field: Field,
 }
@@ -139,7 +138,7 @@ impl Integrator for Guided {
 struct GuidedPaths<'a> {
     view: &'a View<'a>,
     source: Independent,
-    /// The rule that the guide alone learns with.
+    /// The rule for the training only.
     learning: Option<&'a Rule>,
 }
 
@@ -163,8 +162,8 @@ impl GuidedPaths<'_> {
 }
 
 impl State {
-    /// Adds the samples with these numbers to the film, and those before them that the guide does not know to the guide. Returns
-    /// how many the film got: it is stopped between samples while the guide learns, and then between tiles.
+    /// Adds the samples with these numbers to the film, after training the guide with earlier samples that it has not
+    /// had. Returns how many the film got: a stop acts between samples during training, and then between tiles.
     fn pass<R: Roughening, O: Recorder>(
         &mut self,
         tracer: &PathTracer<R>,
@@ -175,7 +174,7 @@ impl State {
     ) -> u32 {
         let before = samples.start.min(LEARNING);
         if self.samples < before {
-            // These samples of an earlier run are in the film.
+            // The film already has these samples of an earlier run.
             let unused = &mut film.clone();
             for sample in self.samples..before {
                 self.learn(tracer, paths, sample, unused, &mut ());
@@ -203,7 +202,7 @@ impl State {
             })
     }
 
-    /// Adds one sample to the film, and what it found to the guide. It is never stopped.
+    /// Adds one sample to the film, and its records to the guide. A stop does not interrupt it.
     fn learn<R: Roughening, O: Recorder>(
         &mut self,
         tracer: &PathTracer<R>,

@@ -1,7 +1,7 @@
 //! Distribution of directions: a quadtree over the sphere.
 //!
-//! The square (z, φ) ↦ ((z + 1)/2, φ/2π) keeps areas up to a factor: a share a of the square is a solid angle 4πa. A node
-//! has four quarters; each leaf has a constant density.
+//! The square (z, φ) ↦ ((z + 1)/2, φ/2π) preserves area up to a factor: an area a of the square is a solid angle 4πa. A
+//! node has four quarters; each leaf has a constant density.
 
 use crate::math::warp::SPHERE_PDF;
 use crate::math::{Vec2, Vec3};
@@ -10,21 +10,21 @@ use std::f32::consts::TAU;
 /// Quarters with a larger share of the whole are divided `[Müller17 §3.2]`.
 const MAX_SHARE: f32 = 0.01;
 
-/// Nodes on the way to the smallest quarter: single precision has no finer ones.
+/// Most nodes above a quarter: single precision resolves no smaller ones.
 const MAX_DEPTH: u32 = 20;
 
-/// Nodes of a tree: with a share of 1 % hardly any tree comes near.
+/// Most nodes of a tree: with shares of at most 1 % few trees come near.
 const MAX_NODES: usize = 256;
 
 /// Most bytes of a density and the sums for the next.
 pub(super) const MAX_TREE_BYTES: usize =
     MAX_NODES * (2 * size_of::<Node>() + size_of::<[f64; 4]>());
 
-/// Records that every quarter of a node has beside those that were found, with their mean value: unknown
-/// directions keep a chance.
+/// Records, of mean value, added to every quarter of a node, so that directions without records keep a positive
+/// density.
 const PRIOR: f64 = 1.0;
 
-/// Four quarters of a square: those of less x first, of less y before the others.
+/// Four quarters of a square: index 2 i + j for half i along x and half j along y.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Node {
     mass: [f32; 4],
@@ -72,7 +72,7 @@ pub(crate) fn direction(p: Vec2) -> Vec3 {
     Vec3::new(r * cos, r * sin, z)
 }
 
-/// The quarter of a point, which is mapped to the quarter's own square.
+/// Index of the quarter that contains a point, which is mapped to the quarter's own square.
 #[inline]
 fn enter(p: &mut Vec2) -> usize {
     let mut quarter = 0;
@@ -105,14 +105,14 @@ impl Quadtree {
             pdf *= 4.0 * node.mass[quarter] / node.total();
             match node.child[quarter] {
                 0 => return pdf,
-                // A quarter without mass stops here.
+                // Nodes below a quarter without mass would give 0/0.
                 _ if pdf == 0.0 => return pdf,
                 child => node = &self.nodes[child as usize],
             }
         }
     }
 
-    /// A direction of this density from numbers in [0, 1)², and the density; the tree is not empty.
+    /// A direction from random numbers in [0, 1)², and its density per steradian; for a tree that is not empty.
     #[inline]
     pub(crate) fn sample(&self, mut u: Vec2) -> (Vec3, f32) {
         let (mut low, mut side, mut node) = (Vec2::ZERO, 1.0, &self.nodes[0]);
@@ -121,7 +121,7 @@ impl Quadtree {
             let m = &node.mass;
             let mut choose = |axis: usize, a: f32, b: f32| {
                 let first = a / (a + b);
-                // Rounding may bring a number to 1, and chooses nothing without mass.
+                // Rounding may bring a number to 1; a half without mass is never chosen.
                 let second = u[axis] >= first && b > 0.0;
                 u[axis] = if second {
                     (u[axis] - first) / (1.0 - first)
@@ -147,7 +147,7 @@ impl Quadtree {
     }
 }
 
-/// Sums of what paths found, from which a [`Quadtree`] is made.
+/// Sums of the values of records, from which a [`Quadtree`] is made.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sums {
     /// Σ v of the values in a quarter.
@@ -200,7 +200,7 @@ impl Sums {
         }
     }
 
-    /// The density of these sums, which become those of the next iteration: empty, and fine where the density is high.
+    /// The density of these sums, which are reset for the next iteration: empty, and refined where the density is high.
     pub(crate) fn finish(&mut self) -> Quadtree {
         let nodes = &mut self.tree.nodes;
         for at in (0..nodes.len()).rev() {
@@ -217,8 +217,8 @@ impl Sums {
         density
     }
 
-    /// The density of these sums, in which every node shares what it gets by its quarters' records and
-    /// [a few more](PRIOR). Their number is (Σ v)² / Σ v²: one bright record among many is little knowledge.
+    /// The density of these sums, in which every node splits its mass by its quarters' records and a [prior](PRIOR).
+    /// The number of records is taken as (Σ v)² / Σ v²: one bright record among many is weak evidence.
     fn density(&self) -> Quadtree {
         let mut tree = self.tree.clone();
         if tree.is_empty() {
@@ -246,7 +246,7 @@ impl Sums {
         tree
     }
 
-    /// Empty sums whose leaves have no more than 1 % of the density each, where that is known.
+    /// Empty sums whose leaves have no more than [`MAX_SHARE`] of the density each, within [`MAX_NODES`].
     fn refined(density: &Quadtree) -> Self {
         let mut fine = Self::default();
         let most = MAX_SHARE * density.nodes[0].total();

@@ -42,7 +42,7 @@ fn guide_map_of_the_sphere_inverts_and_keeps_areas() {
         );
         assert!((direction(p) - axis).length() < 1e-3, "{axis}");
     }
-    // A strip of z has the share of its height.
+    // The area of a strip of z is proportional to its height.
     let n = 100_000;
     let high = (0..n)
         .filter(|_| direction(Vec2::new(u(), u())).z > 0.6)
