@@ -1,4 +1,4 @@
-//! Factors at the scales of the levels, and what the levels remember of a path.
+//! Factors at the scales of the levels, and the path state of the levels.
 
 use crate::bsdf::DELTA_ALPHA;
 use crate::regularise::{Accumulated, Attenuation, ConstantGamma, Factors, PathRoughness, Rule};
@@ -42,10 +42,10 @@ impl Attenuation for Scaled<'_> {
     }
 }
 
-/// Memory of a path.
+/// Path state of the rule at all levels.
 #[derive(Clone, Copy, Default)]
 pub(super) struct LevelMemory<const N: usize> {
-    /// Path roughness of all levels until it folds, since only the value that five vertices fold to depends on the factors.
+    /// Path roughness, common to all levels until it folds: only the folded value of five vertices depends on factors.
     common: PathRoughness,
     folded: Option<[PathRoughness; N]>,
 }
@@ -59,7 +59,7 @@ impl<const N: usize> LevelMemory<N> {
         match &self.folded {
             None if self.common.values().is_empty() => false,
             None => {
-                // Looked up once.
+                // One look-up for all levels.
                 let gamma = factors.unscaled(&self.common, alpha);
                 fill(scales, alpha, alphas, |_, scale| {
                     let gamma = ConstantGamma((gamma * scale).min(1.0));
@@ -87,8 +87,8 @@ impl<const N: usize> LevelMemory<N> {
     }
 }
 
-/// Fills in α′ by level and scale; true if one of them is above α. A lobe that stays below the Dirac bound keeps its own
-/// roughness.
+/// Fills in α′ by level and scale; true if one of them is above α. A lobe that stays below the Dirac bound keeps its
+/// own roughness.
 #[inline]
 fn fill(
     scales: &[f32],

@@ -1,8 +1,8 @@
-//! Values of the samples of a pass, kept until all of them are there.
+//! Values of the samples of a pass, stored until the pass is complete.
 //!
-//! A pass that is stopped leaves nothing behind, so that films stay as they are until the pass is whole. Copies of their sums would take
-//! four batches of every level. The values of a sample are fewer, and most of them repeat others: levels that leave a path
-//! alone have the same light, and the first rough surface is the first one. Values equal to their prediction are not stored.
+//! A stopped pass must leave the films unchanged, so samples are added at its end. Copies of the films' sums would take
+//! four batches of every level. The values of a sample are fewer, and most repeat others: levels that do not roughen a
+//! path have the same light, and most first surfaces are rough. Values equal to their prediction are not stored.
 
 use crate::image::film::FilmBand;
 use crate::image::level_film::{FEATURES, Features, LevelBand, MAX_LEVELS, PathLevels};
@@ -11,13 +11,13 @@ use crate::math::Rgb;
 
 /// Radiance of one path.
 pub(in crate::integrator) struct PathSums<const N: usize> {
-    /// An independent estimate at every level.
+    /// Estimate at every level.
     pub(super) levels: [Rgb; N],
-    /// Light that no level roughens: the same at all levels. Of one level, light that no blur takes.
+    /// Light that no level roughens: the same at all levels. With one level, light that is not blurred.
     pub(super) shared: Rgb,
-    /// Guides that the path has met.
+    /// Features of the path.
     pub(super) features: PathFeatures,
-    /// Light that plain path tracing cannot find, at the least roughened level that can.
+    /// Light that plain path tracing cannot find, from the least roughened level that finds it.
     pub(super) unseen: Rgb,
 }
 
@@ -57,7 +57,7 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// A path as it is foretold: without light and surfaces.
+    /// A path without light and surfaces, in which all values equal their prediction.
     pub(super) const NONE: Self = Self {
         levels: [Rgb::ZERO; MAX_LEVELS],
         shared: Rgb::ZERO,
@@ -65,7 +65,7 @@ impl Path {
         features: [0.0; FEATURES],
     };
 
-    /// The same values as these.
+    /// Copies the values of a path.
     pub(super) fn set<const N: usize>(&mut self, path: &PathSums<N>) {
         self.levels[..N].copy_from_slice(&path.levels);
         self.shared = path.shared;
@@ -73,8 +73,8 @@ impl Path {
         self.features = path.features.values();
     }
 
-    /// Calls `visit` with each group of values and its prediction. The prediction of a level is the one before, of the first level
-    /// the shared light, of the rough vertex the first vertex; all others are zero.
+    /// Calls `visit` with each group of values and its prediction. The prediction of a level is the one before, of the
+    /// first level the shared light, of the rough vertex the first vertex; all others are zero.
     #[inline(always)]
     fn visit(&mut self, levels: usize, mut visit: impl FnMut(&mut [f32], &[f32])) {
         visit(self.shared.as_mut(), &[0.0; 3]);
@@ -112,7 +112,7 @@ impl Path {
     }
 }
 
-/// Most words that a path takes: all values, and one word that says which of them are there.
+/// Most words that a path takes: all values, and one word of flags for the stored groups.
 pub(super) const fn most_words(levels: usize) -> usize {
     1 + 3 * (levels + 2) + FEATURES
 }
@@ -123,7 +123,7 @@ pub(super) fn put(path: &mut Path, levels: usize, words: &mut &mut [u32]) {
     let all = std::mem::take(words);
     let (mut there, mut bit, mut end) = (0u32, 1u32, 1);
     path.visit(levels, |values, foretold| {
-        // By their bits: numbers that are none are equal too, and a zero keeps its sign.
+        // By their bits, so that NaNs can be equal and a zero keeps its sign.
         let same = (values.iter().zip(foretold)).all(|(a, b)| a.to_bits() == b.to_bits());
         if !same {
             there |= bit;
@@ -164,7 +164,7 @@ mod tests {
         all
     }
 
-    /// Every group foretold or not, and values that no comparison of numbers would keep.
+    /// Every group predicted or not, and values such as NaN and −0 that numerical comparison would lose.
     #[test]
     fn paths_come_back_bit_by_bit() {
         let odd = [0.0, -0.0, f32::NAN, f32::INFINITY, 1e-45, 0.3];

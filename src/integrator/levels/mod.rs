@@ -1,17 +1,17 @@
 //! The path-tracing loop at several levels of roughening on the same paths.
 //!
-//! Level 0 is plain path tracing, bit-identical with independent samples; level k roughens the last vertex by a multiple of a
-//! rule's (`factors`). All levels share prefix, throughput, roulette and continuation, since regularised next-event
-//! estimation leaves the path alone: only the last lobe is evaluated again. At a vertex that some level roughens
+//! Level 0 is plain path tracing, bit-identical with independent samples; level k roughens the last vertex by a
+//! multiple of a rule's (`factors`). All levels share prefix, throughput, roulette and continuation: regularised
+//! next-event estimation only evaluates the last lobe again. At a vertex that some level roughens
 //!
 //! 1. one light sample and one shadow ray are evaluated at the roughness of every level;
 //! 2. directions are drawn from the lobes of some levels (`vertex`), and emission at their ends is evaluated at every
 //!    level that roughens this vertex, weighted against the light with the density of all draws together;
-//! 3. the path continues with a draw at its own roughness. Emission at its end is plain path tracing's for the levels that
-//!    leave the vertex alone, and one more draw for those that roughen it.
+//! 3. the path continues with a draw at its own roughness. Emission at its end counts as in plain path tracing at the
+//!    levels that do not roughen the vertex, and as one more draw at those that do.
 //!
-//! Light without area at the end of a Dirac lobe is beyond plain path tracing. The levels below the first that finds it
-//! take it from there, so that it does not count as bias.
+//! Plain path tracing cannot find a light without area at the end of a Dirac lobe. The levels below the first that
+//! finds it copy it from there, so that it does not count as bias.
 
 mod factors;
 mod kept;
@@ -71,7 +71,7 @@ impl LevelTracer {
         self.factors.levels()
     }
 
-    /// Adds samples as [`estimate`] does, with room for the usual number of levels, or for all that are possible.
+    /// Calls [`estimate`] with arrays for the default number of levels, or for the largest number.
     pub(super) fn estimate<O: Recorder>(
         &self,
         view: &View<'_>,
@@ -89,8 +89,8 @@ impl LevelTracer {
         run(self, view, source, samples, film, levels, recorder)
     }
 
-    /// Radiance that arrives along one way of a camera walk. `turn` says whether a second lobe is drawn from: any number, odd in
-    /// half of the samples.
+    /// Radiance that arrives along one way of a camera walk. The parity of `turn`, odd in half of the samples, decides
+    /// at which vertices a second lobe is drawn from.
     fn radiance<const N: usize, S: Sampler, O: PathObserver>(
         &self,
         mut walk: Walk<'_>,
@@ -102,12 +102,12 @@ impl LevelTracer {
         let mut memory = LevelMemory::<N>::default();
         let mut emission = PendingLevels::full();
         let mut made = Bsdf::BLACK;
-        // True up to the first draw from a smooth lobe.
+        // True until the first draw from a non-Dirac lobe.
         let mut is_seen = true;
         for n in 1..=self.max_vertices + 1 {
             let mut arrival = walk.arrive(&mut emission, sampler);
 
-            // ── emission met by the ray
+            // ── emission at the end of the ray
             if !emission.is_nothing()
                 && let Some(met) = walk.emission(arrival.as_ref())
             {

@@ -1,4 +1,4 @@
-//! The picture of a rule's own factors as the only level, with what a blur needs of its paths.
+//! The picture of a rule's own factors as the only level, with the features of its paths that guide blurs.
 
 use super::kept::PathSums;
 use super::tiles::LevelPaths;
@@ -38,10 +38,10 @@ impl<R: Roughening> LevelPaths<1> for PathTracer<R> {
     }
 }
 
-/// Notes what a blur needs of a path, beside another observer.
+/// Records the features of a path, and forwards its calls to another observer.
 struct Noted<'a, O> {
     observer: &'a mut O,
-    /// Light that the path has met before its first draw from a smooth lobe, and features.
+    /// Light found before the path's first draw from a non-Dirac lobe, and features.
     sums: PathSums<1>,
     /// Light and features of the current way.
     way: PathSums<1>,

@@ -13,11 +13,11 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Mutex;
 
-/// Pixels a side of the tiles that threads take.
+/// Pixels per side of the tiles that threads take.
 const TILE: u32 = 16;
 
-/// Words that several samples of all pixels may take until they are added; one sample of a large picture takes more. So
-/// passes of small pictures stay long, and threads busy.
+/// Most words of several samples that are added together; one sample of a large picture may take more. Small pictures
+/// thus get many samples at a time, which keeps threads busy.
 const KEPT: usize = 1 << 24;
 
 /// Largest number of bytes that a pixel takes until a pass is added to its film.
@@ -30,7 +30,8 @@ pub(in crate::integrator) trait LevelPaths<const N: usize>: Sync {
     /// Number of levels.
     fn levels(&self) -> usize;
 
-    /// Light of a path at every level, along all ways of a camera walk; `turn` is odd in half of the samples of every batch.
+    /// Light of a path at every level, along all ways of a camera walk; `turn` is odd in half of the samples of every
+    /// batch.
     fn trace<S: Sampler + Clone, O: PathObserver>(
         &self,
         walk: Walk<'_>,
@@ -41,8 +42,8 @@ pub(in crate::integrator) trait LevelPaths<const N: usize>: Sync {
     ) -> PathSums<N>;
 }
 
-/// Adds the samples with these numbers to every pixel: level 0 to `film`, all levels to `levels`; tiles in parallel, joined in
-/// order. Returns how many were added, fewer than all where the render is stopped.
+/// Adds the samples with these numbers to every pixel: level 0 to `film`, all levels to `levels`; tiles in parallel,
+/// joined in order. Returns how many were added, fewer than all where the render is stopped.
 pub(in crate::integrator) fn estimate<const N: usize, T: LevelPaths<N>, O: Recorder>(
     tracer: &T,
     view: &View<'_>,
@@ -60,7 +61,7 @@ pub(in crate::integrator) fn estimate<const N: usize, T: LevelPaths<N>, O: Recor
     })
 }
 
-/// The same of samples that are added together; `None` if the render was stopped and the films are unchanged.
+/// The same for samples that are added together; `None` if the render was stopped and the films are unchanged.
 fn add<const N: usize, T: LevelPaths<N>, O: Recorder>(
     tracer: &T,
     view: &View<'_>,
@@ -73,7 +74,7 @@ fn add<const N: usize, T: LevelPaths<N>, O: Recorder>(
     let walks = CameraWalks::of(view);
     let windows = film.tiles(TILE);
     let most = most_words(tracer.levels()) * samples.len();
-    // Zeroed memory is the system's until it is written to: what no path needs is not taken.
+    // The system commits zeroed memory at the first write: words that no path needs take none.
     let mut words = vec![0; film.window.len() * most];
     let free = Mutex::new(&mut words[..]);
     let trace = |tile: Range<u32>, observer: &mut O| {
@@ -83,8 +84,7 @@ fn add<const N: usize, T: LevelPaths<N>, O: Recorder>(
         for index in 0..window.len() {
             let pixel = window.pixel(index);
             let number = u64::from(pixel.y) << 32 | u64::from(pixel.x) << 2;
-            // A second lobe is drawn in every other sample of a batch, from a random one on: batches stay independent of
-            // one another.
+            // A second lobe is drawn in every other sample of a batch, with a random start: batches stay independent.
             let seed = source.seed();
             let turns: [u32; BATCHES] = std::array::from_fn(|batch| {
                 seed.derive(Domain::Levels, number | batch as u64).0 as u32

@@ -44,7 +44,7 @@ impl<const N: usize> LevelLobe<N> {
             if !self.roughens(k) {
                 continue;
             }
-            // Levels meet where a factor reaches 1.
+            // Levels coincide where a factor reaches 1.
             if self.alphas[k] == self.alphas[k - 1] {
                 values[k] = values[k - 1];
                 continue;
@@ -75,7 +75,7 @@ pub(super) struct RoughenedVertex<'a, const N: usize> {
     /// Levels whose lobes are drawn from, the roughest first.
     proposals: [u8; N],
     len: usize,
-    /// True where the diffuse lobe was drawn: its direction is the continuation's, and no draw is left.
+    /// True if the diffuse lobe was drawn: that draw is the continuation, and no other lobe is drawn from.
     diffuse: bool,
     continues: bool,
 }
@@ -101,7 +101,7 @@ impl<'a, const N: usize> RoughenedVertex<'a, N> {
             alphas[0] * SPACING
         };
         for k in (1..N).rev() {
-            // Of levels that meet, the first is evaluated.
+            // Of levels that coincide, only the first is evaluated.
             if alphas[k] == alphas[k - 1] {
                 continue;
             }
@@ -127,8 +127,8 @@ impl<'a, const N: usize> RoughenedVertex<'a, N> {
         }
     }
 
-    /// Adds what one light sample finds at every level. Returns what plain path tracing cannot find, at the least
-    /// roughened level that can.
+    /// Adds the contribution of one light sample at every level. Returns the light that plain path tracing cannot find,
+    /// from the least roughened level that finds it.
     #[inline]
     pub(super) fn direct_light(&self, u: LightU, total: &mut Values<N>) -> Rgb {
         let point = self.point;
@@ -153,7 +153,7 @@ impl<'a, const N: usize> RoughenedVertex<'a, N> {
             return Rgb::ZERO;
         };
         let density = light.density.value();
-        // The operations of `ShadingPoint::direct_light`, in its order.
+        // The same operations as in `ShadingPoint::direct_light`, for equal bits.
         let weight = light.density.mis_weight(plain.pdf_w);
         let smooth = plain.value;
         let plain = radiance * smooth * (weight / density);
@@ -178,7 +178,7 @@ impl<'a, const N: usize> RoughenedVertex<'a, N> {
         unseen
     }
 
-    /// Adds the emission that draws from the lobes find with rays of their own at the levels that roughen the vertex.
+    /// Adds the emission found by separate rays drawn from the lobes, at the levels that roughen the vertex.
     #[inline]
     pub(super) fn lobe_light(&self, turn: u32, u: [f32; 3], total: &mut Values<N>) {
         let point = self.point;
@@ -192,7 +192,7 @@ impl<'a, const N: usize> RoughenedVertex<'a, N> {
         let drawn = std::iter::once(sharpest).chain(second);
         for (i, &k) in drawn.enumerate() {
             let steps = (i + usize::from(self.continues)) as f32;
-            // The fraction of a number from 0 to 4; that of the standard library is a call.
+            // The fraction of a number from 0 to 4; `f32::fract` compiles to a call.
             let fraction = |x: f32| x - (x as i32) as f32;
             let rotate = |u: f32, step: f32| fraction(u + steps * step);
             let u = [u[0], rotate(u[1], ROTATION[0]), rotate(u[2], ROTATION[1])];
@@ -200,7 +200,7 @@ impl<'a, const N: usize> RoughenedVertex<'a, N> {
             let Some((local, lobe)) = point.bsdf.direction(alpha, point.wo, u) else {
                 continue;
             };
-            // The continuation was drawn from the diffuse lobe too, and met the wrong side of the surface.
+            // The continuation was drawn from the diffuse lobe too, towards the wrong side of the surface.
             if lobe == Lobe::Diffuse {
                 return;
             }
@@ -244,11 +244,11 @@ impl<'a, const N: usize> RoughenedVertex<'a, N> {
 
 /// Weights of emission at the end of the current ray at all levels.
 pub(super) struct PendingLevels<const N: usize> {
-    /// That of plain path tracing, for the levels that left the vertex before alone.
+    /// Weight of plain path tracing, for the levels that did not roughen the previous vertex.
     pub(super) plain: EmissionWeight,
-    /// True if some level roughened the vertex before.
+    /// True if some level roughened the previous vertex.
     pub(super) is_roughened: bool,
-    /// The weights of those that did. In place: it is large, and few rays meet a light.
+    /// Weights of the levels that did. Updated in place: the struct is large, and few rays hit a light.
     roughened: RoughenedEmission<N>,
 }
 
@@ -272,7 +272,7 @@ impl<const N: usize> PendingLevels<N> {
         }
     }
 
-    /// The weights at the levels that roughened the vertex before, if any did.
+    /// The weights at the levels that roughened the previous vertex, if any did.
     #[inline]
     pub(super) fn roughened(&self) -> Option<&RoughenedEmission<N>> {
         self.is_roughened.then_some(&self.roughened)
@@ -292,12 +292,12 @@ impl<const N: usize> Carried for PendingLevels<N> {
     }
 }
 
-/// Weight of emission at the end of the current ray at the levels that roughened the vertex before.
+/// Weight of emission at the end of the current ray at the levels that roughened the previous vertex.
 pub(super) struct RoughenedEmission<const N: usize> {
     lobe: LevelLobe<N>,
-    /// False where nothing counts: what follows is then that of an earlier vertex.
+    /// False if no emission counts: the fields below are then those of an earlier vertex.
     counts: bool,
-    /// BSDF, wo and wi of the continuation. Few rays meet a light and need the query.
+    /// BSDF, wo and wi of the continuation. Only the few rays that hit a light need the query.
     bsdf: Bsdf,
     wo: Vec3,
     wi: Vec3,
@@ -312,7 +312,7 @@ impl<const N: usize> RoughenedEmission<N> {
         self.lobe.roughens(k)
     }
 
-    /// Values of this emitted radiance, which light sampling would have found with density `pdf_light`.
+    /// Values for this emitted radiance, which light sampling would find with density `pdf_light`.
     #[inline]
     pub(super) fn contribution(&self, radiance: Rgb, pdf_light: f32) -> Values<N> {
         let query = self.counts.then(|| self.bsdf.query(self.wo, self.wi));
