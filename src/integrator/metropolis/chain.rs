@@ -7,13 +7,13 @@ use crate::sampler::{IndependentStream, Sampler};
 /// Probability of a large step, which draws all numbers anew.
 pub(super) const LARGE: f64 = 0.3;
 
-/// Share of the small proposals that leave the light walk as it is, and of those that leave the camera walk.
+/// Share of the small proposals that keep the light walk, and of those that keep the camera walk.
 const KEPT: f32 = 0.25;
 
 /// log₂ of the least and the largest small step, of numbers in [0, 1).
 const STEPS: [f32; 2] = [-10.0, -6.0];
 
-/// The way from the numbers of a state to those of a proposal. Every one is symmetric.
+/// The change from the numbers of a state to those of a proposal. Every kind is symmetric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
     /// All are drawn anew.
@@ -26,14 +26,14 @@ pub(super) enum Step {
 
 /// Random numbers of one walk: those of the current state, and those of the state that is proposed.
 ///
-/// Numbers that the current state has not used are independent of it, so that a proposal draws them anew, as often as it
-/// likes: a state is no longer than its path.
+/// Numbers that the current state has not used are independent of it, so that every proposal draws them anew: a state
+/// stores only the numbers that its path uses.
 pub(super) struct Numbers {
     current: Vec<u32>,
     proposed: Vec<u32>,
     source: IndependentStream,
     step: Step,
-    /// Place in the pixel, if this walk begins at the camera.
+    /// Position in the pixel, if this walk begins at the camera.
     place: Vec2,
 }
 
@@ -65,8 +65,8 @@ impl Numbers {
         std::mem::swap(&mut self.current, &mut self.proposed);
     }
 
-    /// The pixel of a camera path, uniform over a frame, from the walk's first two numbers; the next [`Sampler::film`] is
-    /// the place in it.
+    /// The pixel of a camera path, uniform over a frame, from the walk's first two numbers; the next [`Sampler::film`]
+    /// is the position in it.
     pub(super) fn pixel(&mut self, frame: UVec2) -> UVec2 {
         let mut side = |length: u32| {
             let product = u64::from(self.next_bits()) * u64::from(length);
@@ -98,8 +98,7 @@ impl Sampler for Numbers {
     }
 }
 
-/// A step of either sign whose size is log-uniform, of numbers that are taken for fractions of 2³². Sums wrap around, which
-/// keeps steps symmetric.
+/// A step of random sign and log-uniform size, in units of 2⁻³². Sums wrap around, which keeps steps symmetric.
 #[inline]
 fn small_step(bits: u32) -> u32 {
     let [least, most] = STEPS;
@@ -114,8 +113,8 @@ fn small_step(bits: u32) -> u32 {
 
 /// A function of primary samples, with values for pixels.
 pub(super) trait Target {
-    /// The values of a state into `splats`, and their weight: what the chain's density is proportional to. Neither is
-    /// negative.
+    /// Writes the values of a state to `splats` and returns the target, to which the chain's density is proportional.
+    /// Neither is negative.
     fn evaluate(
         &mut self,
         light: &mut Numbers,
@@ -128,12 +127,12 @@ pub(super) trait Target {
 struct State {
     splats: Vec<Splat>,
     target: f64,
-    /// Sum of the factors with which its values count.
+    /// Sum of the factors of its values.
     factor: f64,
 }
 
 impl State {
-    /// Adds the values to a list.
+    /// Appends the scaled values to a list.
     fn record(&self, scale: f64, out: &mut Vec<Splat>) {
         let factor = (self.factor * scale) as f32;
         if factor > 0.0 {
@@ -148,7 +147,7 @@ impl State {
 /// Means of the target over all numbers, of the pass and of all passes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Means {
-    /// b: estimate that belongs to the pass, and from whose samples the chains start. It enters linearly: its noise is no
+    /// b: estimate by the bootstrap of the pass, at whose samples the chains start. It enters linearly: its noise is no
     /// bias.
     pub(super) pass: f64,
     /// b₀: a constant above 0, best near b. It only balances chains and fresh paths.
@@ -158,7 +157,7 @@ pub(super) struct Means {
 }
 
 impl Means {
-    /// Density of a state of this target over all ways to find it: what the values of one that was found count less.
+    /// Density of a state of this target, summed over all techniques: the values of a state are divided by it.
     #[inline]
     pub(super) fn density(&self, target: f64) -> f64 {
         target / self.constant + self.fresh
@@ -167,18 +166,18 @@ impl Means {
 
 /// Random numbers of a chain.
 pub(super) struct Sources {
-    /// Streams of the first state, whose chance must be in proportion to its target: those of a bootstrap sample.
+    /// Streams of the first state: those of a bootstrap sample, chosen with probability in proportion to its target.
     pub(super) start: [IndependentStream; 2],
     /// Streams of the proposals: light walk, camera walk, choices.
     pub(super) steps: [IndependentStream; 3],
 }
 
-/// Runs a chain of `mutations` mutations, each of which counts `scale`, and returns its values in order.
+/// Runs a chain of `mutations` mutations of weight `scale` each, and returns its values in order.
 ///
-/// With the first state as in [`Sources`], E over bootstrap and chain of a sum of values is exactly their integral: a
-/// proposal is drawn with density I/b by the chain and, with probability p, uniformly by a large step. Both are weighed by
-/// the balance heuristic, with b₀ in place of b (after Kelemen et al. 2002, (9)), and with the bootstrap as further
-/// large steps, whose values the caller adds.
+/// With the first state as in [`Sources`], the expectation over bootstrap and chain of a sum of values is exactly their
+/// integral: a proposal is drawn with density I/b by the chain and, with probability p, uniformly by a large step. Both
+/// are weighted by the balance heuristic, with b₀ in place of b (after Kelemen et al. 2002, (9)), and with the
+/// bootstrap as further large steps, whose values the caller adds.
 pub(super) fn run(
     target: &mut impl Target,
     sources: Sources,
@@ -221,7 +220,7 @@ pub(super) fn run(
             factor: 0.0,
         };
         next.target = target.evaluate(&mut light, &mut camera, &mut next.splats);
-        // From a state of no light every way out is taken.
+        // From a state with target 0 every proposal is accepted.
         let acceptance = if state.target > 0.0 {
             (next.target / state.target).min(1.0)
         } else {

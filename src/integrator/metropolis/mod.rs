@@ -1,15 +1,15 @@
-//! Metropolis light transport over primary samples `[Kelemen02]`, with bidirectional path tracing below.
+//! Metropolis light transport over primary samples `[Kelemen02]`, over bidirectional path tracing.
 //!
-//! The state of a chain is the random numbers of a pair of paths, one from the camera and one from a light, with all their
-//! connections. Chains seek out what carries light: after a way through a keyhole is found, its neighbours are tried.
+//! The state of a chain is the random numbers of a pair of paths, one from the camera and one from a light, with all
+//! their connections. After a chain has found a path through a keyhole, it explores similar paths.
 //!
-//! One sample of the picture is a *pass*, an independent estimate: a bootstrap of fresh pairs, which count like large steps
-//! and from which all chains of the pass start in proportion to their light, and a number of mutations per pixel. No chain outlives
-//! its pass. So the expectation of a pass is exact, whatever the chains' length (`chain`); resuming, splitting and threads change no bit; variance
-//! layers are honest; and a chain that is stuck ends with the pass.
+//! One sample of the picture is a *pass*, an independent estimate: a bootstrap of fresh pairs, and a number of
+//! mutations per pixel. The fresh pairs count like large steps, and all chains of the pass start at them, in proportion
+//! to their target. Chains end with their pass. So the expectation of a pass is exact at any chain length (`chain`);
+//! resuming, splitting and threads change no bit; variance layers are correct; stuck chains end.
 //!
-//! The target of the chains is luminance over that of the neighbourhood in the picture, estimated by a first
-//! bootstrap `[Hoberock10]`: relative errors of dark and bright pixels are alike. Any positive target is right.
+//! The target of the chains is luminance over that of the neighbourhood in the picture, estimated by a first bootstrap
+//! `[Hoberock10]`: relative errors of dark and bright pixels are alike. Any positive target is unbiased.
 
 mod chain;
 
@@ -26,35 +26,35 @@ use crate::scene::Aim;
 use chain::{LARGE, Means, Numbers, Sources, Target};
 use std::ops::Range;
 
-/// Mutations for every sample of the bootstrap, and bounds of their number: all pixels of a pass share the noise of its mean.
+/// Mutations per bootstrap sample, and bounds of the number of these: all pixels share the noise of their mean.
 const PER_BOOTSTRAP: u64 = 4;
 const BOOTSTRAP: (u64, u64) = (1 << 10, 1 << 18);
 
-/// Samples of the bootstrap for every chain.
+/// Bootstrap samples per chain.
 const PER_CHAIN: u32 = 256;
 
 /// Chains that run before their values are joined.
 const BATCH: u32 = 32;
 
-/// Chains that run in the first pass, even if it is stopped: without any the picture would be dark.
+/// Chains that run in the first pass, even if it is stopped: without chains the picture would be dark.
 const LEAST: u32 = 8;
 
 /// Samples of the bootstrap that a thread takes at a time.
 const CHUNK: u32 = 256;
 
-/// Chunks of the bootstrap whose values are joined at a time: a bound of their memory. So many run in the first pass, even if it
-/// is stopped.
+/// Chunks of the bootstrap whose values are joined at a time, which bounds their memory. As many run in the first pass,
+/// even if it is stopped.
 const BLOCK: u32 = 64;
 
-/// Number of refused states, and the first.
+/// Number of refused states, and pixel and cause of the first.
 type Refused = (u64, Option<(UVec2, Cause)>);
 
-/// The refused states of two runs, of which the first comes first.
+/// The refused states of two runs, in this order.
 fn joined((count, first): Refused, (more, later): Refused) -> Refused {
     (count + more, first.or(later))
 }
 
-/// Cells a side of the neighbourhoods, at most.
+/// Most cells per side of the picture, the neighbourhoods of the target.
 const CELLS: u32 = 32;
 
 /// Bounds of a neighbourhood's luminance over the mean of the picture.
@@ -67,16 +67,16 @@ pub(crate) struct Metropolis {
     pub base: Bidirectional,
     /// Mutations per pixel of a pass, at least 1.
     pub mutations: u32,
-    /// Target function, once the first bootstrap has found it.
+    /// Target function, once the first bootstrap has estimated it.
     target: Option<TargetFunction>,
 }
 
 /// Target function of the chains of all passes: luminance over that of the pixel's cell `[Hoberock10]`.
 #[derive(Clone, Debug)]
 struct TargetFunction {
-    /// Frame that it is for.
+    /// Columns and rows of the frame.
     frame: UVec2,
-    /// Cells a side.
+    /// Cells per side.
     cells: UVec2,
     /// Reciprocal luminance of the cells, row by row.
     weights: Vec<f64>,
@@ -107,7 +107,7 @@ impl TargetFunction {
     }
 }
 
-/// Number of streams that a use of random numbers has.
+/// Uses of random numbers, each with its own streams.
 #[derive(Clone, Copy)]
 enum Use {
     LightStart,
@@ -118,7 +118,6 @@ enum Use {
     Starts,
 }
 
-/// A pass.
 struct Pass<'a> {
     settings: &'a Metropolis,
     target: &'a TargetFunction,
@@ -187,7 +186,7 @@ impl Metropolis {
         (mutations, bootstrap, chains)
     }
 
-    /// Luminance of neighbourhoods from a bootstrap of its own, and the mean of the target that follows.
+    /// Luminance of the cells from a separate bootstrap, and the mean of the resulting target.
     fn first_bootstrap(&self, view: &View<'_>, aim: &Aim) -> TargetFunction {
         let frame = view.sensor.frame;
         let cells = frame.min(UVec2::splat(CELLS));
@@ -198,7 +197,7 @@ impl Metropolis {
             weights: vec![1.0; count],
             mean: 1.0,
         };
-        // It decides how samples are weighed, not what they add up to: a quarter is enough.
+        // The target affects the variance only, not the expectation: a quarter of the samples is enough.
         let samples = (self.counts(frame).1 / 4).max(BOOTSTRAP.0 as u32);
         let mut found: Vec<Vec<Splat>> = Vec::new();
         Pass {
@@ -221,7 +220,7 @@ impl Metropolis {
         }
         let total: f64 = sums.iter().sum();
         if total > 0.0 {
-            // Cells are alike to a pixel.
+            // Cells have equal sizes up to one pixel.
             let mean = total / count as f64;
             let (least, most) = CONTRAST;
             let weight = |sum: &f64| mean / sum.clamp(least * mean, most * mean);
@@ -251,8 +250,8 @@ impl Pass<'_> {
         [Use::LightStart, Use::CameraStart].map(|of| self.stream(index, of))
     }
 
-    /// Passes results of fresh pairs to `add` in order: a function of their target and values. Returns the refused states and
-    /// all samples over those that were finished; `None` if the pass was stopped.
+    /// Passes `result` of the target and values of fresh pairs to `add`, in order. Returns the refused states, and the
+    /// number of all samples over those that were finished; `None` if the pass was stopped.
     fn bootstrap<T: Send>(
         &self,
         driver: &Driver<'_>,
@@ -282,8 +281,8 @@ impl Pass<'_> {
         Some((refused, factor))
     }
 
-    /// Adds one estimate of every pixel of the frame to the layer; returns the refused states, or `None` if the pass was stopped.
-    /// If the first pass is stopped, it is an estimate by fewer fresh pairs and chains.
+    /// Adds one estimate of every pixel of the frame to the layer; returns the refused states, or `None` if the pass
+    /// was stopped. If the first pass is stopped, the estimate is by fewer fresh pairs and chains.
     fn run(&self, layer: &mut SplatLayer) -> Option<Refused> {
         let (mutations, samples, chains) = self.settings.counts(self.target.frame);
         let scale = 1.0 / mutations as f64;
@@ -315,7 +314,7 @@ impl Pass<'_> {
         Some(joined(refused, more))
     }
 
-    /// Adds the mutations of all chains to the layer. They start at samples of the bootstrap with these weights and this total.
+    /// Adds the mutations of all chains to the layer. They start at bootstrap samples of these weights and this total.
     fn run_chains(
         &self,
         chains: u32,
@@ -333,14 +332,14 @@ impl Pass<'_> {
                 steps: [Use::LightSteps, Use::CameraSteps, Use::Choices]
                     .map(|of| self.stream(chain, of)),
             };
-            // The first chains are longer by one where the numbers do not divide.
+            // The first chains take one mutation more if there is a remainder.
             let (each, rest) = (mutations / u64::from(chains), mutations % u64::from(chains));
             let length = each + u64::from(u64::from(chain) < rest);
             let scale = 1.0 / mutations as f64;
             let splats = chain::run(&mut target, sources, length as u32, means, scale);
             (splats, target.refused)
         };
-        // Apart, since they are scaled by the number of chains that have run.
+        // A separate layer, since it is scaled by the number of chains that have run.
         let mut of_chains = SplatLayer::new(&self.view.window);
         let mut refused = (0, None);
         let pieces = Pieces::new(chains, 1).in_batches(BATCH).at_least(LEAST);
@@ -359,7 +358,7 @@ impl Pass<'_> {
 }
 
 /// Bootstrap samples from which the chains start: in proportion to their weights, by systematic sampling with `u` in
-/// [0, 1). Without any light one will do.
+/// [0, 1). If all weights are 0, the last sample.
 fn starts(weights: &[f64], total: f64, chains: u32, u: f32) -> Vec<u32> {
     let mut starts = Vec::with_capacity(chains as usize);
     let (mut sum, mut place) = (0.0, 0);
@@ -395,7 +394,7 @@ fn push(film: &mut Film, frame: UVec2, layer: &mut SplatLayer, sample: u32, refu
     }
 }
 
-/// Bytes that a pass takes beside the film: chains move over the whole frame, whatever the window.
+/// Bytes that a pass takes beside the film: chains cover the whole frame, whatever the window.
 pub(super) fn bytes(frame: UVec2) -> u64 {
     2 * u64::from(frame.x) * u64::from(frame.y) * SplatLayer::PIXEL_BYTES
 }
@@ -430,7 +429,7 @@ impl Integrator for Metropolis {
             return 0;
         }
         let samples = first..first + added;
-        // Chains have no first surface of their own.
+        // Chains record no AOVs; separate camera paths of one vertex do.
         if let Some(aovs) = &mut picture.aovs {
             let tracer = PathTracer {
                 max_vertices: 1,
@@ -442,7 +441,7 @@ impl Integrator for Metropolis {
                 seed: Seed(self.base.seed),
             };
             let mut unused = picture.film.clone();
-            // Samples that are in the picture have their AOVs.
+            // Not stopped, so that all samples in the picture have their AOVs.
             let view = &View {
                 stop: None,
                 ..*view

@@ -35,8 +35,8 @@ fn stream(index: u32, part: u32, pass: u32) -> IndependentStream {
     Independent { seed: Seed(11) }.stream(UVec2::new(index, part), pass)
 }
 
-/// The integral over every bin from passes of one chain each, whose start is drawn from a bootstrap of so few samples that
-/// its mean is far off.
+/// The integral over every bin from passes of one chain each, whose start is drawn from a bootstrap of so few samples
+/// that its mean is far off.
 fn passes(constant: f64) -> [(f64, f64); 16] {
     const PASSES: u32 = 4000;
     const BOOTSTRAP: u32 = 24;
@@ -88,7 +88,7 @@ fn passes(constant: f64) -> [(f64, f64); 16] {
     })
 }
 
-/// Exact means for any constant, from chains that start where a small bootstrap sends them.
+/// The means are exact for any constant, although the chains start from a small bootstrap.
 #[test]
 fn metropolis_bootstrap_normalisation_is_unbiased() {
     let exact = |i: usize| f64::from(VALUES[i]) / 16.0;
@@ -105,13 +105,13 @@ fn metropolis_bootstrap_normalisation_is_unbiased() {
     }
 }
 
-/// Small steps and acceptance alone leave the density in proportion to the target: flows between bins are equal both ways.
+/// Small steps and acceptance alone keep the density in proportion to the target: flows between bins are balanced.
 #[test]
 fn metropolis_detailed_balance_of_small_steps() {
     let mut choices = stream(0, 9, 0);
     let mut light = Numbers::new(stream(0, 7, 0));
     let mut camera = Numbers::new(stream(0, 8, 0));
-    // Weights that are all above 0, so that neighbours lead everywhere, and unused numbers of the light walk.
+    // All weights are above 0, so that small steps reach every bin, and some states use no number of the light walk.
     let value = |bits: u32| 1.0 + f64::from(bits >> 28);
     let place = |light: &mut Numbers, camera: &mut Numbers| {
         let bits = camera.next_bits();
@@ -164,7 +164,7 @@ fn metropolis_detailed_balance_of_small_steps() {
     }
 }
 
-/// Steps are symmetric, and as long as they should be.
+/// Steps are symmetric, and their sizes are log-uniform between [`STEPS`].
 #[test]
 fn metropolis_small_steps_are_symmetric() {
     let mut source = stream(0, 6, 0);
