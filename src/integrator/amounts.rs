@@ -1,50 +1,50 @@
-//! The films that a render keeps, and what makes them differ.
+//! The films that a render stores, and the parameters in which they differ.
 
 use crate::image::level_film::MAX_LEVELS;
 use serde::{Deserialize, Serialize};
 
-/// Scales of four levels: plain path tracing, and the factors from 0.64 to 16 times as large. A fifth level at 0.128 does not
-/// make better pictures, and a third of them cannot be left out.
+/// Scales of a rule's factors at four levels, of which 0 is plain path tracing. A fifth level at 0.128 does not make
+/// better pictures, and three levels make worse ones.
 pub const SCALES: [f32; 4] = [0.0, 0.64, 3.2, 16.0];
 
-/// Factors on the radius at which the same photons count, of which every pixel gets the best: the first is the radius itself.
+/// Factors on the radius within which the same photons count. One is chosen per pixel; the first keeps the radius.
 pub const RADII: [f32; 3] = [1.0, 2.0, 4.0];
 
 /// Settings that cannot have several levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LevelError {
-    /// The levels of plain path tracing are equal, and rules of other renderers roughen the path itself.
+    /// The rule has no factors: levels of plain path tracing are equal, and other renderers' rules roughen the path.
     #[error("several levels scale the factors of a table or a constant, and this rule has none")]
     Rule,
     /// A path that continues with the roughened lobe belongs to one level.
     #[error("the reuse mode continues a path with the roughened lobe: it has one level only")]
     Reuse,
-    /// Other estimators have no rule, and one radius.
+    /// The estimator has neither levels of a rule nor several radii.
     #[error(
         "several levels are for the path tracer without a guide, and for sppm; bdpt and vcm have one"
     )]
     Estimator,
-    /// The levels are chosen afterwards, so that their bias vanishes anyhow.
+    /// The consistent variant needs no levels: with a choice of levels the bias vanishes anyhow.
     #[error("the consistent variant has one level only")]
     Consistent,
-    /// Wrong factors on the radius of photon density.
+    /// Factors on the radius of photon density that are not 2 to [`MAX_LEVELS`] numbers, ascending from 1.
     #[error(
         "levels of sppm are 2 to {MAX_LEVELS} factors on its radius, ascending from 1, such as 1,2,4"
     )]
     Radii,
-    /// Wrong scales.
+    /// Scales that are not 2 to [`MAX_LEVELS`] numbers, ascending from 0.
     #[error("expected 2 to {MAX_LEVELS} scales of levels, ascending from 0")]
     Scales,
 }
 
-/// Films of a render beside the means of its samples.
+/// Films that a render stores beside the means of its samples.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Amounts {
     /// None: the picture is the mean of its samples.
     #[default]
     Raw,
-    /// One film in batches, of which blurs are chosen per pixel.
+    /// One film in batches; a blur of it is chosen per pixel.
     Blurred,
     /// A film for each of several scales of the rule's factors, of which one is chosen per pixel.
     Roughening(Scales),
@@ -53,12 +53,12 @@ pub enum Amounts {
 }
 
 impl Amounts {
-    /// Levels of roughening at these scales; [`LevelError::Scales`] for others than [`Scales`] takes.
+    /// Levels of roughening at these scales; [`LevelError::Scales`] for numbers that [`Scales`] refuses.
     pub fn roughening(scales: &[f32]) -> Result<Self, LevelError> {
         Scales::try_from(scales.to_vec()).map(Self::Roughening)
     }
 
-    /// Radii of photon density by these factors; [`LevelError::Radii`] for others than 2 to [`MAX_LEVELS`] numbers, ascending from 1.
+    /// Radii of photon density by these factors; [`LevelError::Radii`] for numbers that [`RadiusFactors`] refuses.
     pub fn radii(factors: &[f32]) -> Result<Self, LevelError> {
         RadiusFactors::try_from(factors.to_vec()).map(Self::Radii)
     }
@@ -135,8 +135,8 @@ ascending! {
 }
 
 impl Scales {
-    /// Scales of this number of levels: plain path tracing, and down from the roughest by factors of 5. `None` for fewer
-    /// than 2 and more than [`MAX_LEVELS`].
+    /// Scales of this number of levels: 0, and descending from the roughest of [`SCALES`] by factors of 5. `None` for
+    /// fewer than 2 and more than [`MAX_LEVELS`].
     pub fn of_count(levels: usize) -> Option<Self> {
         let roughest = SCALES[SCALES.len() - 1];
         let scale = |k: usize| roughest * 0.2f32.powi((levels - 1 - k) as i32);

@@ -1,5 +1,5 @@
-//! AOVs: what the first surface of a path is, light by the number of its scatterings, and time, for denoisers and
-//! compositing. Each is recorded only where it is wanted.
+//! AOVs for denoisers and compositing: properties of the first surface, light by the number of its scatterings, and
+//! time. Each is recorded only on request.
 
 use super::walk::observer::{PathObserver, Recorder};
 use super::{ShadingPoint, View};
@@ -86,7 +86,7 @@ impl Recorded {
         time: true,
     };
 
-    /// The parts with `each` numbers a pixel in [`Aovs::numbers`]: no two sets of parts have the same.
+    /// The set of parts with `each` values per pixel in [`Aovs::numbers`]; the sets have different counts.
     pub(crate) fn with_numbers(each: usize) -> Option<Self> {
         let mut sets = (1..8u8).map(|bits| Self {
             first: bits & 1 != 0,
@@ -102,7 +102,7 @@ impl Recorded {
         parts.into_iter().map(u64::from).sum()
     }
 
-    /// Numbers of a pixel of each part in [`Aovs::numbers`]: of the first surface, of light, and of time.
+    /// Values per pixel of each part in [`Aovs::numbers`]: of the first surface, of light, and of time.
     pub(crate) fn numbers_by_part(self) -> [usize; 3] {
         [
             FIRST_NUMBERS * usize::from(self.first),
@@ -111,7 +111,7 @@ impl Recorded {
         ]
     }
 
-    /// Numbers of a pixel in [`Aovs::numbers`].
+    /// Values per pixel in [`Aovs::numbers`].
     pub(crate) fn numbers(self) -> usize {
         self.numbers_by_part().iter().sum()
     }
@@ -137,7 +137,7 @@ impl Aovs {
         }
     }
 
-    /// AOVs as numbers, for a checkpoint: those of the first surface, of light, and of time.
+    /// All values, for a checkpoint: those of the first surface, of light, and of time.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         let first = self.first.iter().flat_map(FirstHit::numbers);
         let light = self.light.iter().flat_map(LightSplit::numbers);
@@ -146,7 +146,7 @@ impl Aovs {
             .chain(self.time.iter().flat_map(|t| t.seconds.iter().copied()))
     }
 
-    /// The inverse of [`Aovs::numbers`] for these parts; `None` if the number of numbers is wrong.
+    /// The inverse of [`Aovs::numbers`] for these parts; `None` if their count is wrong.
     pub fn from_numbers(window: Window, recorded: Recorded, numbers: &[f64]) -> Option<Self> {
         let ends = recorded.numbers_by_part().map(|each| each * window.len());
         let (first, rest) = numbers.split_at_checked(ends[0])?;
@@ -219,7 +219,7 @@ impl Recorder for Aovs {
 
 // ── the first surface ──
 
-/// Numbers of a pixel in [`FirstHit::numbers`].
+/// Values per pixel in [`FirstHit::numbers`].
 const FIRST_NUMBERS: usize = 9;
 
 /// Sums over the samples of a pixel.
@@ -236,7 +236,7 @@ struct PixelSums {
 #[derive(Clone, Debug, PartialEq)]
 pub struct FirstHit {
     sums: Vec<PixelSums>,
-    /// First vertices of a tile's paths, if they met a surface.
+    /// First vertices of a tile's paths; `None` for paths that hit no surface.
     log: Log<Option<Seen>>,
 }
 
@@ -262,8 +262,8 @@ impl FirstHit {
         self.buffer(|s| s.normal / f64::from(s.samples.max(1)))
     }
 
-    /// Mean distance to the first surface over the paths that met one; infinity where none did. All three channels
-    /// are the same.
+    /// Mean distance to the first surface over the paths that hit one; infinity where none did. All three channels are
+    /// the same.
     pub fn depth(&self) -> Buffer {
         self.buffer(|s| {
             DVec3::splat(if s.hits > 0 {
@@ -274,7 +274,7 @@ impl FirstHit {
         })
     }
 
-    /// Share of the paths that met a surface, in [0, 1]. All three channels are the same.
+    /// Share of the paths that hit a surface, in [0, 1]. All three channels are the same.
     pub(crate) fn coverage(&self) -> Buffer {
         self.buffer(|s| DVec3::splat(f64::from(s.hits) / f64::from(s.samples.max(1))))
     }
@@ -353,7 +353,7 @@ impl Recorder for FirstHit {
 
 // ── light ──
 
-/// Numbers of a pixel in [`LightSplit::numbers`].
+/// Values per pixel in [`LightSplit::numbers`].
 const LIGHT_NUMBERS: usize = 7;
 
 /// Sums over the samples of a pixel.
@@ -370,7 +370,7 @@ pub struct LightSplit {
     sums: Vec<LightSums>,
     /// Emission and direct light of a tile's paths.
     log: Log<[Rgb; 2]>,
-    /// Light of the current way of the last path.
+    /// Emission and direct light along the current way of the last path.
     way: [Rgb; 2],
 }
 
@@ -384,17 +384,17 @@ impl LightSplit {
         }
     }
 
-    /// Light that comes straight from emitters and the environment.
+    /// Mean radiance straight from emitters and the environment.
     pub fn emission(&self) -> Buffer {
         self.buffer(|s| s.emission / f64::from(s.samples.max(1)))
     }
 
-    /// Light that was scattered once.
+    /// Mean radiance that was scattered once.
     pub fn direct(&self) -> Buffer {
         self.buffer(|s| s.direct / f64::from(s.samples.max(1)))
     }
 
-    /// Light that was scattered more often: the rest of the film of the same paths.
+    /// Mean radiance that was scattered more often: the rest of the film of the same paths.
     pub fn indirect(&self, film: &Film) -> Buffer {
         let pairs = self.sums.iter().zip(&film.pixels);
         let rest =
@@ -446,7 +446,7 @@ impl PathObserver for LightSplit {
     }
 
     fn finish(&mut self, radiance: Rgb) {
-        // The film refuses the sample too.
+        // The film rejects the sample too.
         if !radiance.is_finite() {
             self.log.values.pop();
         }
@@ -492,7 +492,7 @@ impl PixelTime {
         }
     }
 
-    /// Seconds of all paths of each pixel.
+    /// Seconds spent on each pixel, summed over its paths.
     pub fn seconds(&self) -> Vec<f32> {
         self.seconds.iter().map(|&s| s as f32).collect()
     }
@@ -529,13 +529,13 @@ impl Recorder for PixelTime {
 
 // ── the centres of pixels ──
 
-/// The surface that the ray through the centre of a pixel meets, behind boundaries of media, which are not seen.
+/// The surface that the ray through the centre of a pixel hits; invisible boundaries of media are passed.
 pub fn centre(view: &View<'_>, pixel: UVec2) -> Option<(Hit, Surface)> {
     let ray = view.sensor.ray(pixel.as_vec2() + Vec2::splat(0.5));
     view.scene.surface_seen(&ray)
 }
 
-/// AOVs that must not be blended between surfaces: those of the ray through the centre of each pixel.
+/// AOVs that must not be averaged over surfaces, from the ray through the centre of each pixel.
 #[derive(Clone, Debug)]
 pub struct Centres {
     /// World position of the surface; zero where there is none.
@@ -545,7 +545,7 @@ pub struct Centres {
 }
 
 impl Centres {
-    /// Traces one ray a pixel of the view.
+    /// Traces one ray per pixel of the view.
     pub fn of(view: &View<'_>) -> Self {
         let mesh = |s: &Surface| view.scene.geometry().triangle_mesh(s.triangle);
         let found: Vec<(Vec3, [f32; 2])> = (0..view.window.len())

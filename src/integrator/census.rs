@@ -5,7 +5,7 @@ use super::{Settings, ShadingPoint, View};
 use crate::image::film::Film;
 use std::ops::Range;
 
-/// Numbers of vertices.
+/// Counts of vertices over traced paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Census {
     /// Vertices at which light was gathered.
@@ -15,7 +15,7 @@ pub struct Census {
 }
 
 impl Census {
-    /// Counts along the paths with these sample numbers through the window of a film of the view, which stays as it is.
+    /// Counts along the paths with these sample numbers through the window of `film`, which is not changed.
     pub fn take(settings: &Settings, view: &View<'_>, samples: Range<u32>, film: &Film) -> Self {
         let tracer = settings.tracer(settings.rule.clone());
         let source = settings.source();

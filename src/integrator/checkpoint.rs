@@ -1,6 +1,6 @@
-//! A render that can be resumed: the film's moments, its levels, the AOVs, and what they belong to.
+//! The file of a render that can be resumed: the film's moments, its levels, the AOVs, and the render's fingerprint.
 //!
-//! A sealed file whose header names the version, the scene and the settings; a file of another render is refused.
+//! A sealed file whose header names the version, the scene and the settings; a file of another render is an error.
 
 use super::{Amounts, Aovs, Picture, Recorded};
 use crate::files::{FileError, Sealed};
@@ -34,7 +34,7 @@ pub struct Fingerprint {
 }
 
 impl Fingerprint {
-    /// An error unless both are the same. `file` is the kind of file that has `self`, `ours` belongs to this `other`.
+    /// An error unless both are the same. It names `file`, the kind of `self`'s file, and `other`, the owner of `ours`.
     pub(super) fn differs(&self, ours: &Self, file: &str, other: &str) -> Result<(), String> {
         for (what, theirs, ours) in [
             ("another version", &self.version, &ours.version),
@@ -61,7 +61,7 @@ fn difference(a: &str, b: &str) -> (String, String) {
     let mut end = pairs_back.take_while(|(x, y)| x == y).count();
     end = end.min(shorter - begin);
     if begin + end == shorter && a.len() != b.len() {
-        // Something is there in one alone: with what stands beside it.
+        // Only one text has a middle: a common part beside it is shown too.
         match begin {
             0 => end = end.saturating_sub(1),
             _ => begin -= 1,
@@ -71,8 +71,8 @@ fn difference(a: &str, b: &str) -> (String, String) {
     (middle(&a), middle(&b))
 }
 
-/// Header of the file. Payload, little endian: the numbers of the film (f64), the levels if there are any ([`LevelFilm::write`]),
-/// the numbers of the AOVs (f64) if there are any.
+/// Header of the file. Payload, little endian: the numbers of the film (f64), the levels if there are any
+/// ([`LevelFilm::write`]), the numbers of the AOVs (f64) if there are any.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
@@ -90,13 +90,13 @@ struct Header {
     amounts: Amounts,
     #[serde(default)]
     metadata: Metadata,
-    /// Sums of all pixels in batches, where pixels share light paths.
+    /// Batch sums of all pixels, if pixels share light paths.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     shared: Vec<u64>,
 }
 
 impl Header {
-    /// Most bytes of the payload of these pixels.
+    /// Most bytes of the payload.
     fn payload_bytes(&self) -> u64 {
         let [_, _, w, h] = self.window.map(u64::from);
         let pixels = w.saturating_mul(h).min(MAX_PIXELS as u64);
@@ -157,7 +157,7 @@ impl Checkpoint {
         differs.map_err(|what| FileError::content(path, what))
     }
 
-    /// Reads the checkpoint of any render by this version of the file.
+    /// Reads the checkpoint of any render, in this version of the file format.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let promised = |header: &Header| header.payload_bytes();
         let (header, payload): (Header, _) = FILE.load_of(path, promised)?;
@@ -178,7 +178,7 @@ impl Checkpoint {
     }
 }
 
-/// Sums of all pixels as a header has them: none where pixels share nothing.
+/// Batch sums of all pixels in the form of a header; empty if pixels share no light paths.
 pub(super) fn shared(sharing: &Sharing) -> Vec<u64> {
     match sharing {
         Sharing::Batches(batches) => batches.numbers(),
@@ -203,11 +203,11 @@ fn numbers(bytes: &[u8]) -> Result<Vec<f64>, &'static str> {
     numbers.collect::<Result<_, _>>().map_err(|_| "cut short")
 }
 
-/// Refused samples that were not a number, and that were infinite; and the first of them: column, row, sample, and true if
-/// it was infinite.
+/// Refused samples that were not a number, and that were infinite; and the first of them: column, row, sample, and true
+/// if it was infinite.
 pub(super) type Refusals = ([u64; 2], Vec<(u32, u32, u32, bool)>);
 
-/// Refused samples as a header has them.
+/// Refused samples in the form of a header.
 pub(super) fn refusals(rejected: &Rejected) -> Refusals {
     let first = rejected.first.iter();
     let first = first.map(|r| (r.pixel.x, r.pixel.y, r.sample, r.cause == Cause::Infinite));
@@ -247,7 +247,7 @@ pub(super) fn write(picture: &Picture, mut out: &mut dyn Write) -> io::Result<()
     Ok(())
 }
 
-/// The film without refusals, its levels if there are any, and the AOVs if there are numbers after them.
+/// The film without refused samples, its levels if there are any, and the AOVs if numbers follow.
 pub(super) fn read(
     size: UVec2,
     window: Window,

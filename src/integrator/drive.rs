@@ -1,10 +1,10 @@
-//! Passes until a budget is spent.
+//! Runs passes until a budget is spent.
 
 use super::{Integrator, Picture, Stop, View};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-/// Bounds of a render, which stops at the first that it reaches; without any, when the listener stops it.
+/// Bounds of a render, which stops at the first that it reaches; without bounds, the listener must stop it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Budget {
     /// Samples per pixel in all, those of a resumed film included.
@@ -20,20 +20,20 @@ pub struct Budget {
 pub struct ErrorBound {
     /// The render stops at this error.
     pub bound: f64,
-    /// Estimate of a picture's error, of which some doubt is part.
+    /// Estimates a picture's relative error, with an allowance for the uncertainty of the estimate.
     pub estimate: fn(&Picture) -> f64,
 }
 
 /// The bound that ended a render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reason {
-    /// All samples are taken.
+    /// All samples are complete.
     Samples,
-    /// The time is over.
+    /// The time limit was reached.
     Time,
-    /// The noise is low enough.
+    /// The estimated error reached its bound.
     Error,
-    /// The listener broke.
+    /// The listener returned a break, or a stop was requested.
     Stopped,
 }
 
@@ -46,7 +46,7 @@ pub struct RenderProgress {
     pub elapsed: Duration,
     /// Part of the budget that is spent, in [0, 1]; `None` without a budget.
     pub fraction: Option<f64>,
-    /// Estimated relative error when it was estimated last; only for a budget that needs it.
+    /// Latest estimate of the relative error; only for a budget with an error bound.
     pub error: Option<f64>,
 }
 
@@ -58,24 +58,24 @@ impl RenderProgress {
     }
 }
 
-/// Fewer samples estimate their own noise too badly to stop on.
+/// Least samples for a stop by error: fewer samples estimate their own noise too badly.
 const MIN_SAMPLES_FOR_ERROR: u32 = 16;
 
-/// Estimates of a picture's error, each of which costs as much as some samples. The numbers of samples grow by a quarter from one to
-/// the next. A number is left out if the estimate before rules out that the error has come down to the bound.
+/// Schedule of the estimates of a picture's error, each of which costs as much as some samples. The number of samples
+/// grows by a quarter between estimates. An estimate is skipped if, by the one before, the bound cannot be reached yet.
 struct Estimates {
     limit: Option<ErrorBound>,
-    /// Samples of the next one.
+    /// Samples at the next estimate.
     next: u32,
-    /// The latest, and its samples.
+    /// The latest estimate, after its samples.
     latest: Option<(u32, f64)>,
 }
 
 impl Estimates {
-    /// Least factor of the error while the samples grow by n, times the root of n: 1 for noise, less for doubt.
+    /// Least factor of the error while the samples grow by n, times √n: 1 for noise, less for the allowance.
     const LEAST_FALL: f64 = 0.8;
 
-    /// For a picture that has these samples.
+    /// For a picture that has this many samples.
     fn new(limit: Option<ErrorBound>, samples: u32) -> Self {
         let mut next = if limit.is_some() {
             MIN_SAMPLES_FOR_ERROR
@@ -96,7 +96,7 @@ impl Estimates {
         samples.saturating_add(samples / 4)
     }
 
-    /// Estimates the error of a picture with these samples, if it is time to.
+    /// Estimates the error of a picture with this many samples, if an estimate is due.
     fn look(&mut self, samples: u32, picture: &Picture) {
         if let Some(limit) = self.limit.filter(|_| samples == self.next) {
             let error = (limit.estimate)(picture);
@@ -115,7 +115,7 @@ impl Estimates {
         self.latest.map(|(_, error)| error)
     }
 
-    /// Part of the samples that the bound needs, since noise falls with their root.
+    /// Part of the samples that the bound needs; noise falls with their square root.
     fn fraction(&self, samples: u32) -> Option<f64> {
         let (limit, (at, error)) = self.limit.zip(self.latest)?;
         let then = (limit.bound / error).powi(2);
@@ -128,11 +128,11 @@ impl Estimates {
 /// Samples of the longest pass, after which the listener is called.
 const MAX_PASS: u32 = 16;
 
-/// Runs passes of an integrator from sample number `start` on until the budget is spent, the listener breaks, or the view's
-/// render is [stopped](Stop).
+/// Runs passes of an integrator from sample number `start` on until the budget is spent, the listener returns a break,
+/// or the view's render is [stopped](Stop).
 ///
-/// The listener is called after each pass with the picture so far. When time is over or an end is asked for, the pass ends early
-/// and does not count; only in the first one of all is kept what is done of it, and the samples are then 0.
+/// The listener is called after each pass with the picture so far. At the time limit or a requested stop the pass ends
+/// early and does not count. A partial result is kept only in the very first pass, with 0 samples.
 pub fn drive(
     integrator: &mut dyn Integrator,
     view: &View<'_>,
@@ -142,7 +142,7 @@ pub fn drive(
     listener: &mut dyn FnMut(&RenderProgress, &Picture) -> ControlFlow<()>,
 ) -> (RenderProgress, Reason) {
     let clock = Instant::now();
-    // A time so long that the clock does not know its end is none.
+    // A time limit beyond the range of the clock is no limit.
     let deadline = budget.time.and_then(|time| clock.checked_add(time));
     let stop = Stop::at(view.stop, deadline, start == 0);
     let view = &view.until(&stop);
@@ -177,7 +177,7 @@ pub fn drive(
         progress = RenderProgress {
             samples,
             elapsed,
-            // A new estimate may be above what the one before made expect.
+            // A new estimate may be above the prediction; the fraction must not fall.
             fraction: fraction(budget, start, samples, elapsed, estimates.fraction(samples))
                 .map(|now| now.max(progress.fraction.unwrap_or(0.0))),
             error: estimates.error(),
@@ -229,7 +229,7 @@ fn fraction(
     most.map(|f| f.clamp(0.0, 1.0))
 }
 
-/// Doubles the pass while it is short beside a second and beside the time that is left.
+/// Samples of the next pass: doubled, but within a second and the remaining time.
 fn next_length(length: u32, seconds_each: f64, budget: &Budget, elapsed: Duration) -> u32 {
     let left = budget
         .time

@@ -105,7 +105,7 @@ impl<'a> Layers<'a> {
         Self { wanted, centres }
     }
 
-    /// The layers of a picture, in the order asked for.
+    /// The layers of a picture, in the requested order.
     pub(crate) fn of(&self, picture: &Picture) -> Vec<Layer> {
         let layer = |aov: &Aov| self.layer(*aov, picture);
         self.wanted.iter().filter_map(layer).collect()

@@ -1,13 +1,13 @@
 //! Names by which users choose an estimator and a rule, and the table of estimators.
 //!
-//! A new estimator is a variant of [`Estimator`] with its branch in [`Settings::integrator`](super::Settings::integrator), a row of the
-//! table here, and a mode in [`modes`](super::modes), by which the random checks draw it.
+//! A new estimator is a variant of [`Estimator`], a branch in [`Settings::integrator`](super::Settings::integrator), a
+//! row of the table here, and a mode in [`modes`](super::modes) for random checks.
 
 use super::Estimator;
 use super::bidirectional::Radius;
 use serde::{Deserialize, Serialize};
 
-/// Mutations per pixel of a pass where nobody says otherwise.
+/// Default number of mutations per pixel of a pass.
 pub(crate) const MUTATIONS: u32 = 16;
 
 /// Connections of `vcm`.
@@ -21,7 +21,7 @@ pub enum Connections {
     Nee,
 }
 
-/// Contents of a scene that not every estimator shows.
+/// Contents of a scene that not every estimator supports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Content {
     /// Media, also those that only absorb.
@@ -39,20 +39,20 @@ pub(crate) enum Content {
 pub(crate) enum Blind {
     /// None.
     Never,
-    /// Lights without area that are seen by way of a Dirac lobe.
+    /// Lights without area that are seen through a Dirac lobe.
     ToPoints,
-    /// Everything that is seen by way of a Dirac lobe.
+    /// Everything that is seen through a Dirac lobe.
     ToMirrors,
 }
 
-/// An estimator, as all that chooses, checks and plans needs it.
+/// Properties of an estimator, for its choice, for checks and for planning.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
     /// The algorithm.
     pub(crate) estimator: Estimator,
-    /// Cost of a camera path and of a light path, in samples of the path tracer in most scenes.
+    /// Cost of a camera path and of a light path, in samples of the path tracer, in most scenes.
     pub(crate) cost: [f64; 2],
-    /// Contents of scenes that it refuses.
+    /// Contents of scenes that it does not support.
     pub(crate) refuses: &'static [Content],
     /// Light that it never finds.
     pub(crate) blind: Blind,
@@ -161,7 +161,7 @@ estimators! {
     /// sample is 16 mutations per pixel.
     Mlt = Row {
         estimator: Estimator::Mlt { mutations: MUTATIONS },
-        // Of a mutation.
+        // Per mutation.
         cost: [3.0, 0.0],
         takes_sobol: false,
         modes: &[Mode::Default, Mode::Mollifier],
@@ -192,14 +192,14 @@ impl IntegratorKind {
         }
     }
 
-    /// The name that users know it by.
+    /// Its name in options.
     pub fn name(self) -> String {
         format!("{self:?}").to_lowercase()
     }
 }
 
 impl Estimator {
-    /// The integrator that users know it by.
+    /// The integrator by which users choose it.
     pub(crate) fn kind(self) -> IntegratorKind {
         match self {
             Self::Path { .. } => IntegratorKind::Path,

@@ -1,9 +1,9 @@
 //! Rendering: estimators, the steps they share, budgets, checkpoints and parts.
 //!
 //! [`Settings`] name an [`Estimator`] and a [rule](crate::regularise::Rule); [`Settings::integrator`] makes an
-//! [`Integrator`] of them, the one place with dynamic dispatch (one call a pass). Everything below is monomorphised: plain
-//! path tracing compiles to a loop without a table. `levels` traces several amounts of roughening at once, `guided` learns
-//! where light comes from. All walk by one `walk`: a loop holds its estimator and nothing else.
+//! [`Integrator`] of them, the one place with dynamic dispatch (one call a pass). Everything below is monomorphised:
+//! plain path tracing compiles to a loop without a table. `levels` traces several amounts of roughening at once,
+//! `guided` learns the directions of light. All share `walk`, so that a loop contains its estimator only.
 
 pub(crate) mod amounts;
 pub(crate) mod aov;
@@ -46,9 +46,9 @@ pub use walk::shading_point::ShadingPoint;
 pub struct Picture {
     /// The moments of every pixel.
     pub film: Film,
-    /// AOVs, where they are wanted.
+    /// AOVs, if they are recorded.
     pub aovs: Option<Aovs>,
-    /// Means in batches of the [films](Amounts::films) that a choice is made of; `film` then holds the first.
+    /// Batch means of the [films](Amounts::films) among which a choice is made; `film` then holds the first.
     pub levels: Option<LevelFilm>,
 }
 
@@ -100,8 +100,8 @@ impl Picture {
 
 /// An estimator that adds independent estimates to a picture.
 pub trait Integrator: Send {
-    /// Adds the samples with these numbers to every pixel of the view, and to the AOVs where the picture has them. Returns how
-    /// many it has added: fewer than all, from the first on, where the view's render is [stopped](Stop).
+    /// Adds the samples with these numbers to every pixel of the view, and to the AOVs where the picture has them.
+    /// Returns how many it has added: fewer than all, from the first on, where the view's render is [stopped](Stop).
     ///
     /// The film is that of the view: same frame, same window. Samples depend on their pixel and number only: passes in
     /// any split and at any number of threads make bit-identical films.
@@ -112,11 +112,11 @@ pub trait Integrator: Send {
         false
     }
 
-    /// Does now what the first pass of a view would do once, and keeps it: no sample changes.
+    /// Performs in advance the set-up of the first pass of a view; samples do not change.
     fn prepare(&self, _view: &View<'_>) {}
 
-    /// Choices of the integrator for a view, and the memory that it takes there beside the film; `None` where there is
-    /// nothing to say.
+    /// Choices of the integrator for a view, and the memory that it takes there beside the film; `None` if there are
+    /// none.
     fn notes(&self, _view: &View<'_>) -> Option<String> {
         None
     }

@@ -1,7 +1,7 @@
 //! All modes of rendering, each of which makes small random settings.
 //!
-//! Checks that pictures do not depend on threads, passes, checkpoints and parts draw from this list, as do tests that a picture
-//! can be repeated from its metadata.
+//! Checks that pictures do not depend on threads, passes, checkpoints and parts draw from this list, as do tests that a
+//! picture can be repeated from its metadata.
 
 use super::amounts::{Amounts, RadiusFactors, SCALES};
 use super::bidirectional::{Radius, Strategy};
@@ -47,7 +47,7 @@ impl Uniform<'_> {
 
     fn connection(&mut self) -> Strategy {
         let t = 1 + self.below(3);
-        // Two vertices at least.
+        // s + t ≥ 2: a path has at least two vertices.
         let s = self.below(4).max(2 - t.min(2));
         Strategy::Connection { s, t }
     }
@@ -90,7 +90,7 @@ impl Mode {
     }
 }
 
-/// A mode whose first film is plain path tracing's.
+/// A mode whose first film has the expectation or the limit of plain path tracing.
 const fn plain(name: &'static str, vary: fn(&mut Settings, &mut Uniform<'_>)) -> Mode {
     Mode {
         name,

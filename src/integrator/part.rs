@@ -1,11 +1,11 @@
-//! Parts of a render: some of its samples or pixels, made by one process and put together with the others by another.
+//! Parts of a render: some of its samples or pixels, rendered by one process and merged with the others by another.
 //!
 //! A picture depends to the last bit on the order in which the samples of a pixel are added, so parts are added in the
-//! order of their samples, whatever the order of the files. Sums can be continued, not inserted: a part that begins with
-//! sample 0 keeps sums, as a checkpoint does, at any number of samples; a later one keeps every sample, 12 bytes for each
-//! pixel, 28 more with levels and 12 for each of them. Pixels do not depend on each other, so parts of all samples of a crop stay small.
+//! order of their samples, whatever the order of the files. Sums can be continued, not inserted: a part that begins
+//! with sample 0 stores sums, like a checkpoint; a later one stores every sample, 12 bytes for each pixel, 56 more with
+//! levels and 12 for each of them. Pixels do not depend on each other, so parts of all samples of a crop stay small.
 //!
-//! Neither the file of a part nor that of the whole is made before all of it is known.
+//! The files of a part and of the whole are written only when complete.
 
 use super::checkpoint::{self, Fingerprint};
 use super::drive::{Budget, RenderProgress, drive};
@@ -46,23 +46,23 @@ pub struct Part {
     pub amounts: Amounts,
     /// True for AOVs of the first surface, and of light.
     aovs: [bool; 2],
-    /// Layers that the file of the picture shall have, by name.
+    /// Layers of the file of the picture, by name.
     pub layers: Vec<String>,
     /// Text for the file of the picture.
     pub metadata: BTreeMap<String, String>,
     /// World to camera, for the file of the picture.
     pub camera: [f32; 16],
-    /// Refused samples that were not a number, and that were infinite, where the payload does not say it.
+    /// Refused samples that were NaN, and that were infinite, for a part that stores sums.
     refused: [u64; 2],
     first_refused: Vec<(u32, u32, u32, bool)>,
     /// True if pixels share light paths.
     shares: bool,
-    /// Sums of all pixels in batches, for a part that has sums.
+    /// Batch sums of all pixels, for a part that stores sums.
     shared: Vec<u64>,
 }
 
 impl Part {
-    /// These samples of the pixels of a view.
+    /// A part with these samples of the pixels of a view.
     pub fn new(
         fingerprint: Fingerprint,
         view: &View<'_>,
@@ -94,7 +94,7 @@ impl Part {
         Window { x, y, w, h }
     }
 
-    /// Parts of the AOVs: time is none of them.
+    /// The recorded AOVs, never the time.
     fn recorded(&self) -> Recorded {
         let [first, light] = self.aovs;
         Recorded {
@@ -111,8 +111,8 @@ impl Part {
         blank.expect("a window that was checked")
     }
 
-    /// Renders the part and writes its file, whole or not at all. False if the listener, which is called after each pass,
-    /// ended it: then there is no file.
+    /// Renders the part and writes its file, whole or not at all. False, and no file, if the listener, which is called
+    /// after each pass, returned a break.
     ///
     /// Panics for a window outside of the frame.
     pub fn render(
@@ -125,8 +125,8 @@ impl Part {
         self.render_on(None, path, integrator, view, listen)
     }
 
-    /// The same, after the samples of `begun`: a part of the same pixels that begins with sample 0, as this one does. The file
-    /// has the bytes of a part that was rendered at once.
+    /// The same, after the samples of `begun`: a part of the same pixels that begins with sample 0, as this one does.
+    /// The file is identical to that of a part rendered at once.
     pub(crate) fn render_on(
         mut self,
         begun: Option<&Path>,
@@ -183,7 +183,7 @@ impl Part {
         }
     }
 
-    /// Picture and number of samples of a part that this one goes on with.
+    /// Picture and number of samples of a part that this one continues.
     fn begun(&self, path: &Path) -> Result<(Picture, u32), FileError> {
         let read = || {
             let (old, payload) = Self::open(path)?;
@@ -199,7 +199,7 @@ impl Part {
         read().map_err(|problem: Problem| problem.at(path))
     }
 
-    /// An error unless a part belongs to the render of this one, whose file this is if it has one.
+    /// An error unless `part` belongs to the render of this one; `file` is the file of this one, if there is one.
     fn same_render(&self, part: &Self, file: Option<&Path>) -> Result<(), String> {
         let file = file.map(|file| file.display().to_string());
         let render = (file.as_ref()).map_or("render".to_owned(), |file| format!("render ({file})"));
@@ -215,7 +215,7 @@ impl Part {
         }
     }
 
-    /// The picture of a part that has sums, from its payload.
+    /// The picture of a part that stores sums, from its payload.
     fn sums(&self, payload: &[u8]) -> Result<Picture, Problem> {
         let (size, window) = (UVec2::from_array(self.size), self.window());
         let read = checkpoint::read(size, window, &self.amounts, payload);
@@ -259,15 +259,15 @@ impl Part {
         }
     }
 
-    /// The samples in words.
+    /// The samples in words, for messages.
     fn words(&self) -> String {
         let [start, end] = self.samples;
         format!("samples {start}..{end} of {}", self.window())
     }
 }
 
-/// Writes the values of a sample: of all pixels, then the levels of all pixels, then the AOVs, in single precision, which
-/// they have. A refused value is written as what it was refused for.
+/// Writes the values of a sample: of all pixels, then the levels of all pixels, then the AOVs, in their single
+/// precision. A refused value is written as NaN or infinity, the cause of its refusal.
 fn write_sample(one: &Picture, sample: u32, out: &mut dyn Write) -> io::Result<()> {
     let mut write = |x: f32| out.write_all(&x.to_le_bytes());
     let refused = &one.film.rejected;
@@ -292,7 +292,7 @@ fn write_sample(one: &Picture, sample: u32, out: &mut dyn Write) -> io::Result<(
     aovs.map(|x| x as f32).try_for_each(&mut write)
 }
 
-/// A render that was put together.
+/// A merged render.
 #[derive(Clone, Debug)]
 pub struct Merged {
     /// The first part: levels, layers, camera and text are those of the render.
@@ -303,24 +303,24 @@ pub struct Merged {
     pub picture: Picture,
 }
 
-/// Parts that cannot be put together.
+/// Errors of merging parts.
 #[derive(Debug, thiserror::Error)]
 pub enum MergeError {
     /// A file that cannot be read, is damaged, or belongs to another render.
     #[error("{0}")]
     File(FileError),
-    /// The whole needs more memory than there is.
+    /// The merged render needs more memory than there is.
     #[error("{0}")]
     Memory(Shortage),
-    /// Samples that are missing, or that several parts have.
+    /// Samples that are missing, or that are in several parts.
     #[error("{0}")]
     Samples(String),
 }
 
-/// Puts parts together, in any order, into the picture of a single render, which it equals bit by bit.
+/// Merges parts, in any order, into the picture of a single render, bit for bit.
 ///
-/// `window` gives the pixels that there should be, without it the whole frame; `samples` their number of samples, without it
-/// the most that a pixel has.
+/// `window` maps the size of the frame to the expected pixels; `samples` is their number of samples, by default the
+/// most that a pixel has.
 pub fn merge(
     paths: &[PathBuf],
     window: impl FnOnce(UVec2) -> Window,
@@ -329,7 +329,7 @@ pub fn merge(
     merge_all(paths, window, samples, true)
 }
 
-/// The picture of the parts that there are: pixels may lack samples, and are black without any.
+/// The same for incomplete parts: pixels may have fewer samples, and are black without any.
 pub fn merge_so_far(
     paths: &[PathBuf],
     window: impl FnOnce(UVec2) -> Window,
@@ -396,19 +396,19 @@ fn merge_all(
     })
 }
 
-/// Samples that the pixels have, in cells that no part cuts.
+/// Samples that the pixels have, in cells with the same parts throughout.
 struct Coverage {
     window: Window,
     /// Columns and rows at which cells begin, and the end of the last.
     edges: [Vec<u32>; 2],
-    /// Number of the next sample, and of the part that had the one before.
+    /// Number of the next sample, and index of the part with the sample before.
     next: Vec<(u32, usize)>,
 }
 
 impl Coverage {
     /// No samples yet. An error for parts outside of the window.
     fn new(parts: &[(&Path, Part)], window: Window) -> Result<Self, MergeError> {
-        /// Crops of one render share their edges.
+        /// Most cells; few are needed, since crops of one render share their edges.
         const MAX_CELLS: usize = 1 << 26;
         let mut edges = [
             vec![window.x, window.x + window.w],
@@ -459,15 +459,15 @@ impl Coverage {
             })
     }
 
-    /// The number of samples that all pixels have, or of the one that has most; an error with everything that is there twice, or
-    /// missing from what shall be complete.
+    /// The number of samples: `samples`, or the most that a pixel has. An error for samples that are in two parts or
+    /// beyond that number, and, if `complete`, for missing ones.
     fn check(
         mut self,
         parts: &[(&Path, Part)],
         samples: Option<u32>,
         complete: bool,
     ) -> Result<u32, MergeError> {
-        /// Gaps that are named.
+        /// Most gaps that an error names.
         const NAMED: usize = 8;
         let mut missing: BTreeMap<[u32; 2], Window> = BTreeMap::new();
         let mut miss = |range: [u32; 2], cell: Window| {
@@ -538,7 +538,7 @@ struct Whole {
 }
 
 impl Whole {
-    /// Adds a part, all whose samples follow those of its pixels so far.
+    /// Adds a part, whose samples must follow those of its pixels so far.
     fn add(&mut self, path: &Path, part: &Part) -> Result<(), Problem> {
         let (again, mut payload) = Part::open(path)?;
         if again != *part {
@@ -611,7 +611,7 @@ impl Whole {
         Ok(())
     }
 
-    /// Adds the numbers of AOVs; the sums so far are zero or were added alike.
+    /// Adds values of AOVs to the sums, which are zero before a part that stores sums.
     fn add_aovs(&mut self, part: &Part, numbers: &mut dyn Iterator<Item = f64>) {
         let (all, own) = (self.picture.film.window, part.window());
         for (sums, each) in self.aovs.iter_mut().zip(part.recorded().numbers_by_part()) {

@@ -1,11 +1,11 @@
 //! The driver of pieces: tiles of a film, chunks of light paths, chains.
 //!
-//! An estimator cuts a sample into pieces. The driver runs them on all threads and adds their results in order, so that a
-//! picture is bit-identical at any number of threads. Every piece has its own fork of the recorder, and the forks are joined in
-//! the same order.
+//! An estimator cuts a sample into pieces. The driver runs them on all threads and adds their results in order, so that
+//! a picture is bit-identical at any number of threads. Every piece has its own fork of the recorder, and the forks are
+//! joined in the same order.
 //!
-//! The driver also ends a render in the middle of a sample ([`Stop`]): it leaves out the pieces that have not begun and drops the
-//! results of the others. The results of the first sample are kept, and stand for those that were left out.
+//! The driver also ends a render in the middle of a sample ([`Stop`]): it skips the pieces that have not begun and
+//! drops the results of the others. The results of the first sample are kept, and stand for those that were skipped.
 
 use super::walk::observer::Recorder;
 use super::{Stop, View};
@@ -28,7 +28,7 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    /// Pieces of `size` items. In the first sample one runs even if it is stopped: a picture without any pixel is useless.
+    /// Pieces of `size` items. In the first sample one runs even if it is stopped: a picture needs some pixel.
     pub(super) fn new(items: u32, size: u32) -> Self {
         Self {
             items,
@@ -66,13 +66,13 @@ pub(super) struct Finished<T> {
     pub(super) factor: f64,
 }
 
-/// Values of several samples of all pixels that may be kept until they are added; one sample of a large picture has more.
+/// Most values of several samples that are stored until they are added; one sample of a large picture may have more.
 const KEPT: usize = 1 << 21;
 
 /// Tiles of a film that are copied at once while values are added to it.
 const COPIED: usize = 256;
 
-/// A tile whose samples are traced: a film that is stopped stays as it is, so that their values are kept until all of them are there.
+/// A tile whose samples are traced. Values are stored until all tiles are complete: a stopped pass adds none.
 pub(super) struct Tile<'a> {
     pub(super) window: Window,
     /// Room for values by pixel and sample, samples fastest.
@@ -96,7 +96,7 @@ impl Tile<'_> {
 #[derive(Clone, Copy, Default)]
 pub(super) struct Driver<'a> {
     stop: Option<&'a Stop<'a>>,
-    /// True for work on which the rest of a sample depends.
+    /// True during work on which the rest of a sample depends.
     shared: bool,
 }
 
@@ -134,8 +134,8 @@ impl Driver<'_> {
         next - samples.start
     }
 
-    /// Runs work on which the rest of a sample depends, such as light paths that all pixels share. Half of the time of the first
-    /// sample is for it, and the rest gets at least as long as it took.
+    /// Runs work on which the rest of a sample depends, such as light paths that all pixels share. Half of the time of
+    /// the first sample is for it, and the rest gets at least as long as it took.
     pub(super) fn shared<T>(&self, work: impl FnOnce(&Self) -> T) -> T {
         let shared = true;
         let result = work(&Self { shared, ..*self });
@@ -145,8 +145,8 @@ impl Driver<'_> {
         result
     }
 
-    /// Runs pieces, and passes their results to `add` in order. Returns all items over those that were finished; `None` if the
-    /// results do not count.
+    /// Runs pieces, and passes their results to `add` in order. Returns all items over those that were finished; `None`
+    /// if the results do not count.
     pub(super) fn run_batches<T: Send>(
         &self,
         pieces: Pieces,
@@ -207,8 +207,8 @@ impl Driver<'_> {
         })
     }
 
-    /// Adds these samples to tiles of a film, which `work` traces, each with a fork of the recorder. Returns the results of `work`; `None`
-    /// if the film is unchanged.
+    /// Adds these samples to tiles of a film, which `work` traces, each with a fork of the recorder. Returns the
+    /// results of `work`; `None` if the film is unchanged.
     pub(super) fn run_tiles<T: Send, O: Recorder>(
         &self,
         tiles: &[Window],
@@ -219,7 +219,7 @@ impl Driver<'_> {
     ) -> Option<Vec<T>> {
         let each = samples.len();
         let pixels: usize = tiles.iter().map(Window::len).sum();
-        // Zeroed memory is the system's until it is written to, and again at the end: what threads take stays in the heap.
+        // Zeroed memory is committed at the first write and returned at the end; threads' allocations stay in the heap.
         let mut values = vec![0.0f32; 3 * pixels * each];
         let mut rest: &mut [Rgb] = bytemuck::cast_slice_mut(&mut values);
         let room = tiles.iter().map(|window| {
@@ -255,12 +255,12 @@ impl Driver<'_> {
         Some(results)
     }
 
-    /// True if a piece is to be left out.
+    /// True if a piece must be skipped.
     fn leaves_out(&self, piece: u32, least: u32) -> bool {
         self.is_over() && !(piece < least && self.is_first())
     }
 
-    /// True once the time of this work is over or an end is asked for.
+    /// True once the time of this work is over or a stop is requested.
     fn is_over(&self) -> bool {
         self.stop.is_some_and(|stop| match self.shared {
             true if stop.is_first() => stop.at_half(),
@@ -268,7 +268,7 @@ impl Driver<'_> {
         })
     }
 
-    /// True if pieces were left out.
+    /// True if pieces were skipped.
     fn is_cut(&self) -> bool {
         self.stop.is_some_and(Stop::is_cut)
     }

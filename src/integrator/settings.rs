@@ -1,4 +1,4 @@
-//! Settings of a render, and the integrator they stand for.
+//! Settings of a render, and the integrator that they define.
 
 use super::amounts::{Amounts, LevelError, RadiusFactors, Scales};
 use super::bidirectional::{Aimed, Bidirectional, Radius, Strategies, Strategy};
@@ -28,12 +28,12 @@ pub enum Estimator {
         /// slightly more bias. Rules that always do ignore it.
         reuse: bool,
     },
-    /// The same with directions drawn from the BSDF or from a guide that is learned while rendering.
+    /// Path tracing with directions drawn from the BSDF or from a guide that is learned while rendering.
     Guided {
-        /// The rule shapes the guide alone: the picture is that of plain path tracing.
+        /// True to use the rule in the training of the guide only: the picture is that of plain path tracing.
         unbiased: bool,
     },
-    /// The same, with lights sought by way of smooth interfaces too: specular manifold sampling `[SMS]`.
+    /// Path tracing that also connects to lights over smooth interfaces: specular manifold sampling `[SMS]`.
     Manifold {
         /// Trials for a point on a lamp, each solution counted once; 0 for as many as an unbiased estimate takes.
         trials: u32,
@@ -72,16 +72,16 @@ pub struct Settings {
     pub estimator: Estimator,
     /// The rule that roughens the last vertex of a path.
     pub rule: Rule,
-    /// The films that are kept. An estimator takes some of them, by its rule ([`Settings::check_amounts`]).
+    /// The films that are stored. Estimator and rule decide which are allowed ([`Settings::check_amounts`]).
     pub amounts: Amounts,
-    /// The only part of the strategies of `bdpt` or `vcm` that the picture shows, with its weights; without a rule.
+    /// The only strategy of `bdpt` or `vcm` that the picture shows, with its MIS weights; without a rule.
     pub strategy: Option<Strategy>,
-    /// Random numbers of paths; those of `guided` and `mlt` are independent, and those of camera paths beside light paths in raw
-    /// means. Independent by default, so that variances of a film are unbiased estimates; of Sobol points they are upper bounds.
+    /// Sampler of paths; always independent for `guided`, `mlt`, and camera paths beside light paths in raw means.
+    /// Variance estimates are unbiased with independent numbers, the default, and upper bounds with Sobol points.
     pub sampler: SamplerKind,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
-    /// Vertex (from 1) at which Russian roulette begins. Ways through glass of `bdpt` and `vcm` have one of their own.
+    /// Vertex (from 1) at which Russian roulette begins. Ways through glass have a separate roulette.
     pub roulette_start: u32,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -155,7 +155,7 @@ impl Settings {
         })
     }
 
-    /// Numbers of camera paths: independent from batch to batch where there are batches.
+    /// Sampler of camera paths: independent from batch to batch if there are batches.
     pub(crate) fn source(&self) -> CameraSource {
         let batches = match self.amounts.has_batches() {
             true => BATCHES,
@@ -169,8 +169,8 @@ impl Settings {
         self.strategy.map_or(Strategies::All, Strategies::One)
     }
 
-    /// The bidirectional path tracer of these settings with these strategies, without merging; of the rules it has the
-    /// mollifier and accumulated roughness.
+    /// The bidirectional path tracer of these settings with these strategies, without merging; of the rules it supports
+    /// the mollifier and accumulated roughness.
     pub fn bidirectional(&self, strategies: Strategies) -> Bidirectional {
         Bidirectional {
             strategies,
@@ -198,7 +198,7 @@ impl Settings {
         }
     }
 
-    /// Bytes that a picture of a window of the frame takes with these settings, and what an integrator holds beside it.
+    /// Bytes that a picture of a window of the frame and the state of its integrator take with these settings.
     pub(crate) fn bytes(&self, frame: UVec2, window: Window, recorded: Recorded) -> u64 {
         let beside = match self.estimator {
             Estimator::Guided { .. } => guided::bytes(window.len()),
@@ -231,7 +231,7 @@ impl Settings {
         if matches!(self.estimator, Estimator::Sppm(_)) {
             return Amounts::radii(numbers);
         }
-        // An estimator without levels says so, whatever the numbers.
+        // An estimator without levels is an error, whatever the numbers.
         self.at(Amounts::Roughening(Scales::default()))?;
         Amounts::roughening(numbers)
     }
@@ -253,10 +253,9 @@ impl Settings {
         )
     }
 
-    /// Amounts of a render that names none: three radii of photon density; blurs of `bdpt` and `vcm`, unless a strategy is shown
-    /// alone; in path tracing four levels where a rule has something to roughen, blurs in plain path tracing and in scenes
-    /// without lobes; raw means for rules of other renderers, which are as they are there. An error where the estimator or the
-    /// rule takes none of them.
+    /// Default amounts: three radii of photon density; blurs of `bdpt` and `vcm`, unless one strategy is shown; in path
+    /// tracing four levels if a rule roughens something, blurs in plain path tracing and in scenes without lobes; raw
+    /// means for rules of other renderers, as in these. An error if the estimator or the rule allows none of them.
     pub fn usual_amounts(&self, has_lobes: bool) -> Result<Amounts, LevelError> {
         if matches!(self.estimator, Estimator::Sppm(_)) {
             return Ok(Amounts::Radii(RadiusFactors::default()));
@@ -275,7 +274,7 @@ impl Settings {
         }
     }
 
-    /// An error if the estimator cannot show the contents of the scene.
+    /// An error if the estimator does not support the contents of the scene.
     pub fn check_scene(&self, scene: &Scene) -> Result<(), String> {
         let kind = self.estimator.kind();
         for content in kind.row().refuses {
@@ -302,7 +301,7 @@ impl Settings {
         LevelTracer::new(&self.rule, scales, self.max_vertices, self.roulette_start)
     }
 
-    /// The path tracer of these settings with a rule of the caller's.
+    /// The path tracer of these settings with this rule.
     pub fn tracer<R>(&self, rule: R) -> PathTracer<R> {
         let reuse = self.estimator == Estimator::Path { reuse: true };
         PathTracer {
@@ -341,7 +340,7 @@ impl Settings {
         metadata
     }
 
-    /// The settings in words that two of them share only if they make the same picture.
+    /// The settings in words, which are equal only for settings that make the same picture.
     pub fn fingerprint(&self) -> String {
         let Self {
             estimator,
@@ -369,7 +368,7 @@ impl Settings {
     }
 }
 
-/// A path tracer at several levels and its numbers.
+/// A path tracer at several levels and its sampler.
 struct LevelIntegrator {
     tracer: LevelTracer,
     source: CameraSource,
@@ -415,11 +414,11 @@ impl Integrator for ManifoldIntegrator {
     }
 }
 
-/// A path tracer and its numbers.
+/// A path tracer and its sampler.
 struct PathIntegrator {
     tracer: PathTracer<Rule>,
     source: CameraSource,
-    /// True if the film keeps what a blur needs.
+    /// True if the picture is stored in batches, with features that guide its blur.
     is_blurred: bool,
 }
 
@@ -445,7 +444,7 @@ impl Integrator for PathIntegrator {
         let ways = BsdfAlone::on_all_ways;
         match (aovs, &tracer.rule) {
             (Some(aovs), _) => tracer.estimate_by(ways, view, source, samples, film, aovs),
-            // Nothing to roughen: a loop without memory of the path.
+            // Nothing to roughen: a loop without path state of a rule.
             (None, _) if is_plain => {
                 let tracer = tracer.with(Unregularised);
                 tracer.estimate_by(ways, view, source, samples, film, &mut ())

@@ -1,15 +1,15 @@
 //! The end of a render in the middle of a pass.
 //!
-//! The driver of pieces asks before every tile, chunk of light paths, or chain. What a pass that ends early
-//! has done is left out: a picture holds whole samples only, so that it can be resumed and merged bit for bit. The first pass
-//! is the exception, since there is no other picture: its finished tiles or chains are kept, and no checkpoint is made of it. In
-//! the first pass shared work such as light paths ends at half of the time limit. The dependent steps get at least as much time as
-//! the shared work took.
+//! The driver of pieces checks before every tile, chunk of light paths, or chain. The results of a pass that ends early
+//! are dropped: a picture holds whole samples only, so that it can be resumed and merged bit for bit. The first pass is
+//! the exception, since there is no other picture: its finished tiles or chains are kept, and no checkpoint is made of
+//! it. In the first pass shared work such as light paths ends at half of the time limit. The dependent steps get at
+//! least as much time as the shared work took.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Time that the first sample may take at least.
+/// Least time limit of the first sample.
 const FIRST: Duration = Duration::from_millis(500);
 
 /// A request to end a render, and a time at which it ends.
@@ -21,16 +21,16 @@ pub struct Stop<'a> {
     limit: Option<Limit>,
     /// True while there is no whole sample.
     first: AtomicBool,
-    /// True once an integrator has left work out.
+    /// True once an integrator has skipped work.
     cut: AtomicBool,
-    /// True once it has left out some of what its other work rests on.
+    /// True once it has skipped shared work, on which its other work depends.
     short: AtomicBool,
 }
 
 /// A limit of time.
 #[derive(Debug)]
 struct Limit {
-    /// The time from which it counts.
+    /// The start of the time.
     begin: Instant,
     /// Length, in nanoseconds.
     length: AtomicU64,
@@ -45,7 +45,7 @@ impl Limit {
 }
 
 impl<'a> Stop<'a> {
-    /// An end when the flag is set.
+    /// A stop when the flag is set.
     pub fn when(asked: &'a AtomicBool) -> Self {
         Self {
             asked: Some(asked),
@@ -53,12 +53,12 @@ impl<'a> Stop<'a> {
         }
     }
 
-    /// The same request, and an end at this time; `first` if there is no whole sample.
+    /// The same request, and a stop at this time; `first` if there is no whole sample.
     pub(super) fn at(other: Option<&Stop<'a>>, deadline: Option<Instant>, first: bool) -> Self {
         let begin = Instant::now();
         let limit = deadline.map(|end| {
             let length = end.saturating_duration_since(begin);
-            // Of a small picture the first sample is whole, whatever the time.
+            // So that the first sample of a small picture is whole, whatever the time.
             let length = if first { length.max(FIRST) } else { length };
             let length = AtomicU64::new(length.as_nanos().try_into().unwrap_or(u64::MAX));
             Limit { begin, length }
@@ -72,18 +72,18 @@ impl<'a> Stop<'a> {
         }
     }
 
-    /// True once a user has asked for an end.
+    /// True once a user has requested a stop.
     pub(super) fn is_asked(&self) -> bool {
         self.asked
             .is_some_and(|asked| asked.load(Ordering::Relaxed))
     }
 
-    /// True if the next tile, chain or iteration is to be left out; remembers it.
+    /// True if the next tile, chain or iteration must be skipped; stays true from then on.
     pub(super) fn now(&self) -> bool {
         self.is_over(1.0, &self.cut)
     }
 
-    /// The same for what other work of the first sample rests on.
+    /// The same for shared work of the first sample, at half of the time.
     pub(super) fn at_half(&self) -> bool {
         self.is_over(0.5, &self.short)
     }
@@ -97,7 +97,7 @@ impl<'a> Stop<'a> {
         }
     }
 
-    /// True if a user has asked for an end or this part of the time is over; remembers it in the flag.
+    /// True if the flag is set, a stop is requested or this part of the time is over; then sets the flag.
     fn is_over(&self, part: f64, flag: &AtomicBool) -> bool {
         let late = || self.limit.as_ref().is_some_and(|limit| limit.is_over(part));
         let over = flag.load(Ordering::Relaxed) || self.is_asked() || late();
@@ -107,7 +107,7 @@ impl<'a> Stop<'a> {
         over
     }
 
-    /// True if anything was left out.
+    /// True if anything was skipped.
     pub(super) fn is_cut(&self) -> bool {
         self.cut.load(Ordering::Relaxed) || self.short.load(Ordering::Relaxed)
     }
@@ -117,7 +117,7 @@ impl<'a> Stop<'a> {
         self.first.load(Ordering::Relaxed)
     }
 
-    /// There is a whole sample.
+    /// Called once there is a whole sample.
     pub(super) fn begun(&self) {
         self.first.store(false, Ordering::Relaxed);
     }

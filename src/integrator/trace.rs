@@ -1,4 +1,4 @@
-//! Single paths of a render, vertex by vertex, for people who look for the cause of a pixel.
+//! Single paths of a render, vertex by vertex, to find the cause of a pixel's value.
 
 use super::walk::observer::{PathObserver, Recorder};
 use super::{Settings, ShadingPoint, View};
@@ -8,12 +8,12 @@ use crate::math::{Rgb, UVec2, Vec3};
 use crate::regularise::{Accumulated, AccumulatedPath, GammaIndex, Roughening, Rule, Scattered};
 use std::ops::Range;
 
-/// A path.
+/// A sample's path, vertex by vertex.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TracedPath {
     /// Number of the sample in its pixel.
     pub sample: u32,
-    /// Radiance that arrives at the camera: a sample of the pixel, that of a raw render where the path meets no smooth glass.
+    /// Radiance that arrives at the camera: a sample of the pixel, that of a raw render if no smooth glass is hit.
     pub radiance: Rgb,
     /// Its part that comes straight from emitters and the environment.
     pub emission: Rgb,
@@ -48,8 +48,8 @@ pub struct TracedVertex {
     pub lobe: Option<Lobe>,
 }
 
-/// Traces the samples with these numbers of a pixel, with the numbers and the arithmetic of a render by the path tracer, on the way
-/// through glass that each draws.
+/// Traces the samples with these numbers of a pixel, with the random numbers and the arithmetic of the path tracer,
+/// each along one drawn way through glass.
 ///
 /// Fails for a pixel outside of the frame.
 pub fn trace(
@@ -141,7 +141,7 @@ impl PathObserver for Tracer<'_> {
 
     fn scattered(&mut self, alpha: f32) {
         if let Some((rule, memory)) = self.rule.zip(self.memory.as_mut()) {
-            // The rules with factors do not look at the density.
+            // The rules with factors do not use the density.
             rule.scatter(memory, Scattered { alpha, pdf_w: 1.0 });
         }
     }

@@ -14,7 +14,7 @@ pub struct View<'a> {
     pub sensor: Sensor<'a>,
     /// The part of the frame that is rendered.
     pub window: Window,
-    /// When its render ends early, if it may.
+    /// The condition that ends its render early, if there is one.
     pub stop: Option<&'a Stop<'a>>,
 }
 
@@ -29,7 +29,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// The same with an end of its render.
+    /// The same with this stop of its render.
     pub fn until(self, stop: &'a Stop<'a>) -> Self {
         let stop = Some(stop);
         Self { stop, ..self }
