@@ -10,7 +10,7 @@ pub const SCALES: [f32; 4] = [0.0, 0.64, 3.2, 16.0];
 /// Factors on the radius within which the same photons count. One is chosen per pixel; the first keeps the radius.
 pub const RADII: [f32; 3] = [1.0, 2.0, 4.0];
 
-/// Settings that cannot have several levels.
+/// Settings that cannot have these levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LevelError {
     /// The rule has no factors: levels of plain path tracing are equal, and other renderers' rules roughen the path.
@@ -58,7 +58,7 @@ impl Amounts {
         Scales::try_from(scales.to_vec()).map(Self::Roughening)
     }
 
-    /// Radii of photon density by these factors; [`LevelError::Radii`] for numbers that [`RadiusFactors`] refuses.
+    /// Radii of photon density by these factors; [`LevelError::Radii`] unless 2 to [`MAX_LEVELS`], ascending from 1.
     pub fn radii(factors: &[f32]) -> Result<Self, LevelError> {
         RadiusFactors::try_from(factors.to_vec()).map(Self::Radii)
     }
@@ -73,7 +73,7 @@ impl Amounts {
         }
     }
 
-    /// True if samples are kept in independent batches.
+    /// True if samples are stored in independent batches.
     pub fn has_batches(&self) -> bool {
         self.films() > 0
     }

@@ -17,7 +17,7 @@ use std::path::Path;
 const FILE: Sealed = Sealed {
     kind: "render checkpoint",
     version: 4,
-    // 56 bytes of film, 136 of AOVs and 464 of eight levels per pixel, and a header.
+    // 56 bytes of film, 136 of AOVs and 492 of eight levels per pixel, and a header.
     most: 700 * MAX_PIXELS as u64,
 };
 
@@ -195,7 +195,7 @@ pub(super) fn sharing(numbers: &[u64]) -> Sharing {
     }
 }
 
-/// Little-endian numbers of double precision.
+/// Decodes little-endian `f64` values.
 fn numbers(bytes: &[u8]) -> Result<Vec<f64>, &'static str> {
     let numbers = bytes
         .chunks(8)

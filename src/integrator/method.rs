@@ -58,7 +58,7 @@ pub(crate) struct Row {
     pub(crate) blind: Blind,
     /// Estimators that have all of its strategies and more.
     pub(crate) part_of: &'static [IntegratorKind],
-    /// Rules that it takes.
+    /// Rules that it supports.
     pub(crate) modes: &'static [Mode],
     /// True if its paths can draw Sobol points.
     pub(crate) takes_sobol: bool,
@@ -118,8 +118,8 @@ estimators! {
         takes_sobol: false,
         ..Row::ALONE
     };
-    /// Path tracing that seeks lights by way of a smooth mirror, out of water or through a smooth body of glass too (specular
-    /// manifold sampling).
+    /// Path tracing that seeks lights by way of a smooth mirror, out of water or through a smooth body of glass too
+    /// (specular manifold sampling).
     Manifold = Row {
         estimator: Estimator::Manifold { trials: 0 },
         cost: [5.0, 0.0],
@@ -167,8 +167,8 @@ estimators! {
         modes: &[Mode::Default, Mode::Mollifier],
         ..Row::ALONE
     };
-    /// The one of path, path with levels, bdpt and vcm with the least expected error, by the scene's lights and materials and
-    /// a pilot of a few per cent of the render.
+    /// The one of path, path with levels, bdpt and vcm with the least expected error, by the scene's lights and
+    /// materials and a pilot of a few per cent of the render.
     #[default]
     Auto = Row {
         // Until a pilot has chosen.

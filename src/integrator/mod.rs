@@ -88,7 +88,7 @@ impl Picture {
         window.len() as u64 * (film + Self::AOV_BYTES * recorded.count())
     }
 
-    /// A picture of one level without AOVs.
+    /// A picture without AOVs and without levels.
     pub fn new(film: Film) -> Self {
         Self {
             film,

@@ -533,7 +533,7 @@ impl Coverage {
 struct Whole {
     picture: Picture,
     recorded: Recorded,
-    /// AOVs as numbers, part by part.
+    /// AOVs as numbers: of the first surface, of light, and of time.
     aovs: [Vec<f64>; 3],
 }
 

@@ -85,7 +85,7 @@ impl Tile<'_> {
         (KEPT / film.window.len().max(1)).clamp(1, u32::MAX as usize) as u32
     }
 
-    /// The value of the next sample.
+    /// Adds the value of the next sample.
     #[inline]
     pub(super) fn push(&mut self, value: Rgb) {
         *self.values.next().expect("room for every sample") = value;
@@ -134,8 +134,8 @@ impl Driver<'_> {
         next - samples.start
     }
 
-    /// Runs work on which the rest of a sample depends, such as light paths that all pixels share. Half of the time of
-    /// the first sample is for it, and the rest gets at least as long as it took.
+    /// Runs work on which the rest of a sample depends, such as light paths that all pixels share. In the first sample
+    /// it may take half of the time limit, and the rest gets at least as long as it took.
     pub(super) fn shared<T>(&self, work: impl FnOnce(&Self) -> T) -> T {
         let shared = true;
         let result = work(&Self { shared, ..*self });
@@ -146,7 +146,7 @@ impl Driver<'_> {
     }
 
     /// Runs pieces, and passes their results to `add` in order. Returns all items over those that were finished; `None`
-    /// if the results do not count.
+    /// if the results are dropped.
     pub(super) fn run_batches<T: Send>(
         &self,
         pieces: Pieces,
@@ -173,7 +173,7 @@ impl Driver<'_> {
         Some(f64::from(pieces.items.max(1)) / finished.max(1) as f64)
     }
 
-    /// Runs pieces; `None` if their results do not count.
+    /// Runs pieces; `None` if their results are dropped.
     pub(super) fn run<T: Send>(
         &self,
         pieces: Pieces,
@@ -185,7 +185,7 @@ impl Driver<'_> {
         Some(Finished { results, factor })
     }
 
-    /// Runs pieces, each with a fork of the recorder; `None` if their results do not count.
+    /// Runs pieces, each with a fork of the recorder; `None` if their results are dropped.
     pub(super) fn run_recorded<T: Send, O: Recorder>(
         &self,
         pieces: Pieces,
@@ -273,7 +273,7 @@ impl Driver<'_> {
         self.stop.is_some_and(Stop::is_cut)
     }
 
-    /// True if the results of the current sample do not count.
+    /// True if the results of the current sample are dropped.
     fn drops(&self) -> bool {
         self.is_cut() && !self.is_first()
     }

@@ -38,7 +38,7 @@ pub enum Estimator {
         /// Trials for a point on a lamp, each solution counted once; 0 for as many as an unbiased estimate takes.
         trials: u32,
     },
-    /// Light tracing: light paths connected to the camera, and lights that the camera sees, directly or by way of Dirac
+    /// Light tracing: light paths connected to the camera, and lights in the camera's view, directly or through Dirac
     /// lobes.
     Light,
     /// Bidirectional path tracing: all connections, weighted by the balance heuristic.
@@ -210,7 +210,7 @@ impl Settings {
         Picture::bytes(window, &self.amounts, recorded) + beside
     }
 
-    /// An error unless the estimator and its rule take these amounts.
+    /// An error unless the estimator and its rule support these amounts.
     pub fn check_amounts(&self) -> Result<(), LevelError> {
         match (self.estimator, &self.amounts) {
             (_, Amounts::Raw) => Ok(()),
@@ -236,7 +236,7 @@ impl Settings {
         Amounts::roughening(numbers)
     }
 
-    /// These amounts, if the estimator and its rule take them.
+    /// These amounts, if the estimator and its rule support them.
     fn at(&self, amounts: Amounts) -> Result<Amounts, LevelError> {
         let settings = Self {
             amounts,

@@ -36,7 +36,7 @@ pub struct TracedVertex {
     pub bsdf: &'static str,
     /// Throughput before the vertex.
     pub throughput: Rgb,
-    /// Own roughness.
+    /// The BSDF's own roughness α.
     pub alpha: f32,
     /// Roughness α′ at next-event estimation.
     pub alpha_reg: f32,

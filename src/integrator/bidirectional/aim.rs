@@ -66,7 +66,7 @@ const EASY: f64 = 0.05;
 
 impl Bidirectional {
     /// Aim of the light paths of a view, the same for every window of its frame, as
-    /// [`Integrator::pass`](crate::integrator::Integrator::pass) finds it.
+    /// [`Integrator::pass`](crate::integrator::Integrator::pass) computes it.
     pub fn aim(&self, view: &View<'_>) -> Arc<Aim> {
         let View { sensor, scene, .. } = view;
         let whole = Window::full(sensor.frame);
@@ -177,7 +177,7 @@ impl Iteration<'_> {
             let vertex = walk.vertex(n, &arrival, u.material);
             let weight = match (connects && !caustic, vertex.first) {
                 (false, _) => 1.0,
-                // Light sampling finds it.
+                // Light sampling covers it.
                 (true, true) => 0.0,
                 (true, _) => EASY,
             };

@@ -3,10 +3,10 @@
 //!
 //! One iteration is one sample a pixel. It walks one light path per pixel of the *full* frame, at most
 //! `MAX_LIGHT_PATHS`, and connects the camera path of pixel p to light path p mod N. Light paths depend only on the
-//! aim, the seed, their number and the iteration: any thread count, split into passes, and crop give bit-identical
-//! pixels. Without merging, a light path is traced together with the camera paths connected to it, and its vertices are
-//! not stored. With merging, all light vertices of an iteration are stored in a grid before the first camera path.
-//! Splats are added in the order of their light paths.
+//! aim, the seed, their number and the iteration, so that any thread count, split into passes, and crop give
+//! bit-identical pixels. Without merging, a light path is traced together with the camera paths connected to it, and
+//! its vertices are not stored. With merging, all light vertices of an iteration are stored in a grid before the first
+//! camera path. Splats are added in the order of their light paths.
 //!
 //! | file | contents |
 //! |---|---|

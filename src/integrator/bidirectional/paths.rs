@@ -66,7 +66,7 @@ impl Iteration<'_> {
         self.light_path(stream, keep, ends, splats);
     }
 
-    /// Traces a light path: connects its vertices to the camera, and passes those that a camera walk can use to `keep`.
+    /// Traces a light path: connects its vertices to the camera, and passes to `keep` those that a camera walk can use.
     pub(super) fn light_path(
         &self,
         stream: &mut impl Sampler,
@@ -114,7 +114,7 @@ impl Iteration<'_> {
                 (&mut chain, ends, splats),
             );
             let merges = self.settings.merging.is_some();
-            // The camera walk may draw another BSDF here than a Dirac one that the light walk has drawn.
+            // The camera walk may draw another BSDF here than the Dirac one of the light walk.
             let merged =
                 merges && vertex.merges && (!vertex.is_delta() || vertex.chooses_bsdf(scene));
             let connected = more && strategies.connects() && !vertex.is_delta();

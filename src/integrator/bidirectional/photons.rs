@@ -106,7 +106,7 @@ impl Photon {
     }
 }
 
-/// Light vertices in the order of their paths: those that may merge, and those that are connected alone.
+/// Light vertices in the order of their paths: those that may merge, and those for connections only.
 #[derive(Default)]
 pub(super) struct LightVertices {
     photons: Vec<Photon>,
@@ -405,7 +405,7 @@ impl PhotonMap {
         self.visit(&near[..count], (p, ng), &mut visit);
     }
 
-    /// Visits those of these photons that arrive on the same side of the plane of this vertex as of their own.
+    /// Visits the photons that arrive on the same side of this vertex's plane as of their own plane.
     fn visit(
         &self,
         near: &[u32],

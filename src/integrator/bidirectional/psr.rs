@@ -103,7 +103,7 @@ impl Ends {
 }
 
 impl Iteration<'_> {
-    /// Distance that stands for a light at infinity.
+    /// Distance assumed for a light at infinity.
     fn far(&self) -> f32 {
         let (low, high) = self.view.scene.geometry().bounds();
         low.distance(high)

@@ -23,7 +23,7 @@ use std::sync::Mutex;
 /// Paths that a thread takes at a time.
 const CHUNK: u32 = 1024;
 
-/// Chunks of light paths that are traced before their vertices are joined; few, since memory holds these twice.
+/// Chunks of light paths that are traced before their vertices are joined; few, since memory holds vertices twice then.
 const BATCH: u32 = 32;
 
 /// Light of one sample of the pixels of a window.

@@ -15,7 +15,7 @@
 //!
 //! The *easy part* is every contribution of the unregularised estimator, with its weights, times 1 − g h, where g is
 //! the share of the glossy lobe in the value at x_n. The *hard part* h f_gloss(α′) is estimated by the camera walk
-//! alone, as in the path tracer: light sampling and a ray of its own. Since each has one integrand, the sum has the
+//! alone, as in the path tracer: light sampling and a separate ray. Since each has one integrand, the sum has the
 //! expectation ∫ f* whatever the weights; roughening in every strategy would count light twice.
 
 use super::iteration::Iteration;
@@ -53,7 +53,7 @@ impl Event {
         gloss: Rgb::ONE,
     };
 
-    /// Smooth lobes of a BSDF of roughness `alpha` between local directions to the camera and to the light.
+    /// Non-Dirac lobes of a BSDF of roughness `alpha` between local directions to the camera and to the light.
     pub(super) fn between(bsdf: &Bsdf, alpha: f32, directions: Option<(Vec3, Vec3)>) -> Self {
         const BASE: Event = Event {
             roughness: 1.0,

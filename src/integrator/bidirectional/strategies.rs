@@ -49,7 +49,7 @@ impl fmt::Display for Strategy {
 }
 
 impl Strategies {
-    /// The weight of strategy (s, t); `balance` computes it where all strategies count.
+    /// The weight of strategy (s, t); `balance` computes it where all strategies contribute.
     #[inline]
     pub(super) fn weight(self, s: u32, t: u32, balance: impl FnOnce() -> f32) -> f32 {
         match self {

@@ -3,10 +3,10 @@
 //!
 //! A path has vertices x₀ on the camera, x₁ … x_k on surfaces, x_k on a light. Strategy (s, t) takes s of them from the
 //! light walk and t from the camera walk: s = 0 is a light hit by the camera walk, s = 1 light sampling, t = 1 a light
-//! walk connected to the camera. Where walks merge, a path is also found when both come within r of x_j: such a merge
+//! walk connected to the camera. Where walks merge, a path is also sampled when both come within r of x_j: such a merge
 //! has M = π r² N times the density of both walks at x_j `[UPS (6)]`, with N light paths; M = 0 without merging. Walks
-//! merge at some vertices alone (`vertex.rs`): m_j is 1 there, and 0 elsewhere. It depends on both neighbours of x_j,
-//! so that a walk can compute it only at the next vertex.
+//! merge at some vertices only (`vertex.rs`): m_j is 1 there, and 0 elsewhere. It depends on both neighbours of x_j, so
+//! that a walk can compute it only at the next vertex.
 //!
 //! The weight of the strategy that closes the path is 1/(1 + w_l + w_c): w_l sums the densities of strategies with
 //! fewer light vertices over this one's, w_c of those with more. Each walk stores its sum in a [`Partial`], updated at

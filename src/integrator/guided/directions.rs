@@ -167,7 +167,7 @@ struct Site<'a> {
 /// Directions of one path, from the BSDF or the guide.
 pub(super) struct Guide<'a> {
     field: &'a Field,
-    /// Where the path is recorded, if it is.
+    /// Records of the path; `None` if it is not recorded.
     training: Option<&'a mut TrainingSamples>,
     learning: Option<LearningRule<'a>>,
     site: Option<Site<'a>>,

@@ -1,9 +1,9 @@
 //! Guided path tracing: the guide of `[Müller17]`, with filters and learned shares of `[Müller19]`.
 //!
 //! Iterations have 1, 2, 4, … samples per pixel. The paths of an iteration draw directions from a mixture of the BSDF
-//! and the guide that the iterations before it made, and the light that they find makes the next guide. Given the
-//! guide, every sample is unbiased (its numbers are independent of those before), so the picture is the mean of all
-//! samples: no iteration is discarded or reweighted.
+//! and the guide of earlier iterations, and the light that they find trains the next guide. Given the guide, every
+//! sample is unbiased (its numbers are independent of those before), so the picture is the mean of all samples: no
+//! iteration is discarded or reweighted.
 //!
 //! The guide depends on the samples before it, not on the passes or threads that made them: a sample is complete before
 //! the next one begins, and records are added in the order of tiles and pixels. A resumed render trains the guide again

@@ -184,7 +184,7 @@ impl Sums {
     /// Adds a value, above 0, at a point.
     #[inline]
     pub(crate) fn add(&mut self, mut p: Vec2, value: f32) {
-        // No sum of such values overflows.
+        // So that no sum of values overflows.
         let value = value.min(1e30);
         let (nodes, mut at) = (&mut self.tree.nodes, 0);
         loop {

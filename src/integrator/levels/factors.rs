@@ -72,7 +72,7 @@ impl<const N: usize> LevelMemory<N> {
         }
     }
 
-    /// Appends a vertex from which the path continues by a lobe of this own roughness.
+    /// Appends a vertex from which the path continues by a lobe of roughness `alpha`.
     #[inline]
     pub(super) fn push(&mut self, scaled: &ScaledFactors, alpha: f32) {
         if self.folded.is_none() && !self.common.is_full() {

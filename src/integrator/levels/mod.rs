@@ -210,7 +210,7 @@ impl<const N: usize> LevelPaths<N> for LevelTracer {
 }
 
 impl<const N: usize> PathSums<N> {
-    /// Adds emission at the end of a ray: plain path tracing's, or that of the levels that roughened the vertex before.
+    /// Adds emission at a ray's end: weighted as in plain path tracing unless the level roughened the previous vertex.
     #[inline]
     fn add(&mut self, emission: &PendingLevels<N>, met: &MetEmission<'_>) {
         let plain = if emission.plain.is_nothing() {

@@ -150,7 +150,7 @@ struct Tile<'a> {
 }
 
 impl Tile<'_> {
-    /// Adds the samples, if there are any, to the bands that have the tile.
+    /// Adds the samples, if there are any, to the bands that contain the tile.
     fn add(&self, samples: &Range<u32>, film: &mut FilmBand<'_>, levels: &mut LevelBand<'_>) {
         let Some(mut words) = self.words else { return };
         let mut values = Path::NONE;

@@ -11,7 +11,7 @@ use crate::integrator::walk::shading_point::ShadingPoint;
 use crate::math::{Rgb, Vec3};
 use crate::sampler::LightU;
 
-/// Lobes less than this factor apart in roughness share their draws, as in a recording.
+/// Lobes less than this factor apart in roughness share their draws, as in recordings for training.
 const SPACING: f32 = 1.7;
 
 /// Steps of the R2 sequence, by which further draws rotate the random numbers of the first.
@@ -23,7 +23,7 @@ type Values<const N: usize> = [Rgb; N];
 /// The lobe of a vertex at all levels, `N` at most.
 #[derive(Clone, Copy)]
 struct LevelLobe<const N: usize> {
-    /// α′ of every level; α at level 0 and at levels that leave the vertex alone.
+    /// α′ of every level; α at level 0 and at levels that do not roughen the vertex.
     alphas: [f32; N],
     /// Expected number of draws from the lobe of every level.
     shares: [f32; N],
@@ -224,7 +224,7 @@ impl<'a, const N: usize> RoughenedVertex<'a, N> {
         }
     }
 
-    /// Leaves the emission at the end of the continuation pending at the levels that roughen the vertex. A path that
+    /// Stores the weight of emission at the end of the continuation at the levels that roughen the vertex. A path that
     /// continues by a Dirac lobe finds none.
     #[inline(always)]
     pub(super) fn leave(&self, next: Option<&BsdfSample>, pending: &mut PendingLevels<N>) {

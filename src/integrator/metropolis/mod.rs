@@ -131,7 +131,7 @@ struct Pass<'a> {
 struct PairTarget<'a> {
     pairs: Pairs<'a>,
     target: &'a TargetFunction,
-    /// Pixel of the first state that is not a number or infinite, and how many there were.
+    /// States whose target is NaN or infinite.
     refused: Refused,
 }
 

@@ -97,7 +97,7 @@ impl<R: Roughening> PathTracer<R> {
         for n in 1..=self.max_vertices + 1 {
             let mut arrival = walk.arrive(&mut emission, sampler);
 
-            // ── emission met by the ray
+            // ── emission at the end of the ray
             if !emission.is_nothing()
                 && directions.counts(arrival.as_ref())
                 && let Some(met) = walk.emission(arrival.as_ref())

@@ -19,7 +19,7 @@ impl ShadingPoint<'_> {
         };
         let (low, high) = self.scene.geometry().bounds();
         let extent = 0.5 * (high - low).length();
-        // A light at infinity counts at the distance of the scene's width.
+        // A light at infinity is treated as one at the distance of the scene's diagonal.
         let cone = Cone::new(radius * extent, light.distance.min(2.0 * extent));
         let density = cone.density(next.wi, light.wi);
         let ng = self.surface.ng;

@@ -11,8 +11,8 @@ pub(in crate::integrator) struct Channel(Option<u8>);
 impl Channel {
     /// The BSDF at a surface point, with the index of refraction of the path's channel; `u` is uniform in [0, 1).
     ///
-    /// At its first dispersive interface a path keeps one channel, each with probability 1/3, and `throughput` three times
-    /// of that. All techniques at the vertex and after it share the channel, so that their MIS weights are those of its
+    /// At its first dispersive interface a path keeps one channel of `throughput`, each with probability 1/3, times
+    /// three. All techniques at the vertex and after it share the channel, so that their MIS weights are those of its
     /// index: the estimate of each channel is that of a scene with its index. Other paths stay as they are.
     #[inline(always)]
     pub(in crate::integrator) fn bsdf(
@@ -31,7 +31,7 @@ impl Channel {
         bsdf
     }
 
-    /// Changes the BSDF and returns the throughput. Takes that by value, so that loops keep it in registers.
+    /// Changes the BSDF and returns the throughput, which is passed by value so that loops keep it in registers.
     #[cold]
     fn split(&mut self, bsdf: &mut Bsdf, material: &Material, u: f32, mut throughput: Rgb) -> Rgb {
         let Some(glass) = bsdf.dielectric_mut() else {
@@ -41,7 +41,7 @@ impl Channel {
             return throughput;
         }
         let channel = *self.0.get_or_insert_with(|| {
-            // The lower digits of a number of 24 bits, whose upper ones choose between BSDFs.
+            // The remainder of a 24-bit number, whose high bits choose between BSDFs.
             let channel = ((u * 16_777_216.0) as u32 % 3) as u8;
             let kept = throughput[usize::from(channel)];
             throughput = Rgb::ZERO;

@@ -1,8 +1,8 @@
 //! Free flight through media that scatter.
 //!
 //! The distance to the next scattering is drawn for one colour channel, which is chosen by the walk's throughput, and
-//! weighted by the density of all channels together: one-sample MIS. With pᵢ the chance of channel i, σ its extinction
-//! and T its transmittance,
+//! weighted by the density of all channels together: one-sample MIS. With pᵢ the probability of channel i, σ its
+//! extinction and T its transmittance,
 //!
 //! ```text
 //! scattered after t      weight σs T(t) / Σ pᵢ σᵢ Tᵢ(t)
@@ -22,11 +22,11 @@ use crate::scene::Hit;
 use crate::scene::bodies::MAX_SURFACES;
 use crate::scene::medium::{Filling, Media};
 
-/// Share of the chance of a channel that does not depend on the throughput: emission at the end of an edge may have
+/// Share of a channel's probability that does not depend on the throughput: emission at the end of an edge may have
 /// colours that are zero in the throughput.
 const EVEN: f32 = 0.1;
 
-/// Chances of the channels.
+/// Selection probabilities of the channels.
 fn chances(throughput: Rgb) -> Rgb {
     let mean = throughput.element_sum() / 3.0;
     if !(mean > 0.0 && mean.is_finite()) {

@@ -16,6 +16,7 @@
 //! | `roulette` | Russian roulette |
 //! | `ways` | path splitting at the first smooth interfaces |
 //! | `cone` | a Dirac lobe spread over a cone |
+//! | `features` | features of a path, which guide filters of pictures |
 //! | [`observer`] | callbacks for layers, statistics and training |
 
 mod bodies;
@@ -53,7 +54,6 @@ pub(super) enum Origin {
 #[derive(Clone, Copy)]
 pub(crate) struct Walk<'a> {
     pub(super) scene: &'a Scene,
-    /// The end at which it began.
     pub(super) origin: Origin,
     /// The ray to the next vertex.
     pub(super) ray: Ray,
@@ -86,7 +86,7 @@ pub(super) struct Interaction<'v> {
     /// Shading frame for the direction towards the previous vertex, and that direction in it.
     pub(super) frame: Frame,
     pub(super) wo: Vec3,
-    /// Own roughness.
+    /// The BSDF's own roughness α.
     pub(super) alpha: f32,
 }
 

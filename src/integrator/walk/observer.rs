@@ -13,7 +13,7 @@ use crate::math::{Rgb, UVec2};
 pub enum Technique {
     /// By sampling a light.
     Light,
-    /// By a ray of its own, drawn from the roughened lobe.
+    /// By a separate ray, drawn from the roughened lobe.
     Lobe,
     /// By the ray on which the path continues: a diffuse lobe draws the same direction at any roughness.
     Continuation,
@@ -46,7 +46,7 @@ pub trait PathObserver {
     /// Enables [`PathObserver::event`] and [`PathObserver::roughened`].
     const EVENTS: bool = false;
 
-    /// True once no more paths are wanted: the estimator then leaves the rest out. Checked before every path.
+    /// True once no more paths are wanted: the estimator then skips the rest. Checked before every path.
     #[inline]
     fn stopped(&self) -> bool {
         false
@@ -61,14 +61,14 @@ pub trait PathObserver {
     /// of [`Technique::Continuation`] is reported at the end of its ray, after [`PathObserver::scattered`].
     #[inline]
     fn event(&mut self, _event: &Event) {}
-    /// A roughened lobe was sampled, with these numbers, by a ray of its own; an observer may draw from it
+    /// A roughened lobe was sampled, with these random numbers, by a separate ray; an observer may draw from it
     /// [again](ShadingPoint::lobe_event).
     #[inline]
     fn roughened(&mut self, _point: &ShadingPoint<'_>, _u: &SharedNumbers) {}
     /// The path continues by this lobe.
     #[inline]
     fn sampled(&mut self, _lobe: Lobe) {}
-    /// The path continues from a vertex whose sampled lobe has this own roughness.
+    /// The path continues from a vertex whose sampled lobe has this roughness before regularisation.
     #[inline]
     fn scattered(&mut self, _alpha: f32) {}
     /// Called when light of this number of scatterings is added to the path's radiance; only the path tracer calls it.

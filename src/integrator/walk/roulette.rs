@@ -12,7 +12,7 @@ const LARGEST: f32 = 0.95;
 /// `eta_scale` undoes the 1/η² with which refraction scales radiance: that scaling is no loss of light.
 #[inline]
 pub(in crate::integrator) fn survival(throughput: Rgb, eta_scale: f32, u: f32) -> Option<f32> {
-    // A throughput that is not a number survives; the film finds and reports it.
+    // A throughput that is not a number survives; the film rejects and reports it.
     let survival = (throughput * eta_scale).max_element().min(LARGEST);
     // The bits of `u` resolve no smaller probability; a path without throughput ends.
     let survival = if survival > 0.0 {

@@ -21,7 +21,7 @@ pub struct ShadingPoint<'a> {
     pub bsdf: &'a Bsdf,
     /// Local direction towards the previous vertex.
     pub wo: Vec3,
-    /// Own roughness.
+    /// The BSDF's own roughness α.
     pub alpha: f32,
     /// Roughness α′ ≥ `alpha` at next-event estimation.
     pub alpha_reg: f32,
@@ -87,7 +87,7 @@ impl ShadingPoint<'_> {
         self.wo.z * wi.z < 0.0 && self.is_pane()
     }
 
-    /// True if a path goes on straight through a pane.
+    /// True if a path continues straight through a pane.
     #[inline]
     pub(in crate::integrator) fn goes_straight(&self, sample: &BsdfSample) -> bool {
         sample.delta && sample.lobe == Lobe::Transmission && self.is_pane()
@@ -304,7 +304,7 @@ impl ShadingPoint<'_> {
         }
     }
 
-    /// Step 2 with a ray of its own: emission at the end of a direction drawn from the BSDF at α′.
+    /// Step 2 with a separate ray: emission at the end of a direction drawn from the BSDF at α′.
     #[inline]
     pub(in crate::integrator) fn roughened_emission<O: PathObserver>(
         &self,

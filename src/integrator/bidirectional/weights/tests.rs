@@ -184,7 +184,7 @@ impl Path {
         } else {
             [merging; 2]
         };
-        // Numbers of both walks on arrival at x_i, and of the camera walk before it.
+        // Partial sums of both walks on arrival at x_i, and of the camera walk before it.
         let mut walk = Partial::camera(of(self.camera_pdf), n);
         let (mut camera, mut before) = (vec![Partial::default_of(&of)], vec![walk]);
         // c_out / p_f of the vertex before if the one before that allows its merges.
@@ -310,7 +310,7 @@ impl Path {
     }
 }
 
-/// Zeros, where a walk has no numbers.
+/// Zeros, where a walk has no sums.
 trait Zero<T> {
     fn default_of(of: &impl Fn(f64) -> T) -> Self;
 }

@@ -3,7 +3,7 @@ use crate::math::UVec2;
 use crate::math::discrete::tests::excess;
 use crate::sampler::{Independent, SampleSource, Sampler, Seed};
 
-/// Numbers in [0, 1).
+/// Random numbers in [0, 1).
 fn numbers(seed: u64) -> impl FnMut() -> f32 {
     let mut stream = Independent { seed: Seed(seed) }.stream(UVec2::ZERO, 0);
     move || stream.next_1d()

@@ -2,7 +2,7 @@ use super::*;
 use crate::bsdf::{Dielectric, Distribution};
 use crate::math::Rgb;
 
-/// All ways through interfaces are taken once, whichever is drawn first, and their chances add up to 1.
+/// All ways through interfaces are taken once, whichever is drawn first, and their probabilities add up to 1.
 #[test]
 fn ways_are_all_leaves_of_a_tree() {
     let glass = Bsdf::Dielectric(Dielectric {
