@@ -5,7 +5,7 @@ use super::{DVec2, Vec2};
 /// Draws one of n outcomes with given probabilities in constant time: Vose's alias method.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct AliasTable {
-    /// Probability that a column keeps its own outcome, and the outcome that it gives otherwise.
+    /// For each column, the probability of its own outcome, and the outcome drawn otherwise.
     columns: Vec<(f32, u32)>,
     pmf: Vec<f32>,
 }
@@ -31,7 +31,7 @@ impl AliasTable {
                 small.push(l);
             }
         }
-        // An outcome without weight is never kept, whatever rounding left on its column.
+        // Rounding may leave probability on the column of an outcome without weight, which must never be drawn.
         for (i, column) in columns.iter_mut().enumerate() {
             if weights[i] == 0.0 {
                 column.0 = 0.0;
@@ -65,8 +65,8 @@ impl AliasTable {
     /// Maps `u` in [0, 1) to an outcome and the remainder of `u`, rescaled to be uniform in [0, 1) again; `None` if the
     /// table is empty.
     ///
-    /// Column and remainder come from one number, in double precision: of its 53 bits, n outcomes leave 53 − log₂ n to
-    /// decide whether the column keeps its own. Twenty-four would leave 7 among 1e5 outcomes.
+    /// `u` has double precision since it supplies the column and the remainder: n outcomes leave 53 − log₂ n of its
+    /// bits for the choice within the column. Single precision would leave 7 bits among 1e5 outcomes.
     #[inline]
     pub(crate) fn sample(&self, u: f64) -> Option<(usize, f64)> {
         let n = self.columns.len();
@@ -127,8 +127,8 @@ impl Distribution2D {
 
     /// Maps `u` in [0, 1)² to a cell (column, row), a uniform position in it in [0, 1)², and the cell's probability.
     ///
-    /// Each coordinate decides a cell and the place in it: 24 bits are too few beside a sun that has all but 1e-6 of the
-    /// probability. A cell after the sun whose probability is lost in the rounding of the sums has probability 0.
+    /// Each coordinate gives a cell and the position in it: 24 bits are too few if a sun has all but 1e-6 of the
+    /// probability. A cell after the sun whose probability the rounding of the sums loses has probability 0.
     #[inline]
     pub(crate) fn sample(&self, u: DVec2) -> ([usize; 2], Vec2, f32) {
         let (y, v, mass_y) = invert(&self.rows, u.y);
@@ -143,7 +143,7 @@ impl Distribution2D {
     }
 }
 
-/// Cumulative sums divided by the total; all zero if the total is.
+/// Cumulative sums divided by the total; all zero if the total is zero.
 fn cumulative(weights: &[f64]) -> Vec<f32> {
     let total: f64 = weights.iter().sum();
     let mut sum = 0.0;
@@ -171,7 +171,7 @@ fn mass(cumulative: &[f32], i: usize) -> f32 {
     cumulative[i] - if i > 0 { cumulative[i - 1] } else { 0.0 }
 }
 
-/// Index of the cell that holds `u`, position of `u` in it in [0, 1), and its probability, equal to [`mass`].
+/// Index of the cell that contains `u`, position of `u` in it in [0, 1), and its probability as in [`mass`].
 #[inline]
 fn invert(cumulative: &[f32], u: f64) -> (usize, f32, f32) {
     let i = cumulative

@@ -1,11 +1,11 @@
-//! Sums without rounding: the same whatever the order of what is added.
+//! Sums without rounding, which do not depend on the order of the summands.
 
 /// Bits below the binary point: the smallest number of single precision is 2⁻¹⁴⁹.
 const FRACTION: i32 = 149;
 
 /// Sum of finite numbers of single precision, exact: a fixed-point number in two's complement, lowest word first.
 ///
-/// 277 bits hold the largest number; the others count how many were added, 2¹⁰⁶ at most.
+/// 277 bits hold the largest number; the others leave room for 2¹⁰⁶ summands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ExactSum([u64; Self::WORDS]);
 
@@ -13,12 +13,12 @@ impl ExactSum {
     /// Number of [`ExactSum::words`].
     pub(crate) const WORDS: usize = 6;
 
-    /// The sum that these [`ExactSum::words`] are of.
+    /// The sum with these [`ExactSum::words`].
     pub(crate) fn from_words(words: [u64; Self::WORDS]) -> Self {
         Self(words)
     }
 
-    /// The sum as numbers, for a file.
+    /// The fixed-point number as words, lowest first, for a file.
     pub(crate) fn words(&self) -> [u64; Self::WORDS] {
         self.0
     }
@@ -29,7 +29,7 @@ impl ExactSum {
         debug_assert!(x.is_finite());
         let bits = x.to_bits();
         let (exponent, fraction) = (bits >> 23 & 0xff, bits & 0x7f_ffff);
-        // Numbers below the normal ones have the exponent of the smallest of these, and no leading one.
+        // Subnormal numbers have the exponent of the smallest normal number and no implicit leading one.
         let (shift, digits) = match exponent {
             0 => (0, fraction),
             _ => (exponent - 1, fraction | 0x80_0000),

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-/// Count, mean and sum of squared deviations of the samples seen so far.
+/// Count, mean and sum of squared deviations of the samples added so far.
 ///
 /// ```
 /// use opsr::math::{DVec3, moments::Moments};

@@ -1,5 +1,5 @@
-//! Real numbers that a formula can be evaluated in: `f32` to render, [`Dual`] to differentiate, `f64` to check. The
-//! error function in each precision.
+//! Number types in which a formula can be evaluated: `f32` to render, [`Dual`] to differentiate, `f64` to check. Also
+//! the scaled complement and the inverse of the error function, in single precision.
 
 use super::Vec4;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -48,7 +48,7 @@ const CENTRE: [f32; 9] = [
     1.501_409_4,
 ];
 
-/// The same from there on.
+/// Coefficients of [`erf_inverse`] for w ≥ 5, highest first.
 const TAIL: [f32; 9] = [
     -0.000_200_214_26,
     0.000_100_950_56,
@@ -61,8 +61,8 @@ const TAIL: [f32; 9] = [
     2.832_976_8,
 ];
 
-/// Inverse of erf on (−1, 1) in single precision, after Giles: *Approximating the erfinv function*, 2010; of two numbers at
-/// once, since a polynomial waits for itself.
+/// Inverse of erf on (−1, 1) in single precision, after Giles: *Approximating the erfinv function*, 2010. It takes two
+/// numbers, since each step of a polynomial waits for the step before it.
 #[inline]
 pub(crate) fn erf_inverse([x, y]: [f32; 2]) -> [f32; 2] {
     let w = |x: f32| -((1.0 - x) * (1.0 + x)).ln();
@@ -249,7 +249,7 @@ mod tests {
     fn erf_inverse_is_that_of_libms_erf() {
         for i in 1..400 {
             let x = -0.999 + 0.005 * i as f32;
-            // Beside a number of the centre, and one of the tail.
+            // The other number uses the coefficients of the centre, then those of the tail.
             for y in [0.2, 0.998] {
                 let [inverse, _] = erf_inverse([x, y]);
                 let error = f64::from(x) - libm::erf(inverse.into());

@@ -1,4 +1,4 @@
-//! Maps from the unit square [0, 1)², each beside its density.
+//! Maps from the unit square [0, 1)² and their densities.
 
 use super::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, PI};

@@ -45,8 +45,8 @@ fn distribution_2d_pmf_sums_to_one_and_matches_sample() {
     assert!(Distribution2D::new(4, &[0.0; 8]).is_none());
 }
 
-/// Excess of a chi-square statistic in standard deviations of a normal variable, by Wilson and Hilferty (1931): above 2.33 in one of
-/// a hundred sets of draws. Cells are pooled in their order to expected counts of at least 10.
+/// Excess of a chi-square statistic in standard deviations of a normal variable, by Wilson and Hilferty (1931): above
+/// 2.33 in 1 % of all tests. Neighbouring cells are pooled to expected counts of at least 10.
 pub(crate) fn excess(counts: &[u32], expected: &[f64]) -> f64 {
     let (mut square, mut cells, mut pool) = (0.0, 0u32, (0.0, 0.0));
     for (&count, expected) in counts.iter().zip(expected) {
@@ -119,7 +119,7 @@ fn chi_square_of_dim_texels_beside_a_sun() {
     let mut u = stream(2);
     for _ in 0..draws {
         let ([x, _], _, pmf) = map.sample(DVec2::new(u.vertex().light.pick * below, 0.5));
-        // The rounding of the sums may move the last draws into the sun.
+        // Rounding of the sums may let the last draws fall on the sun.
         if let Some(count) = counts.get_mut(x) {
             *count += 1;
             assert!((pmf * 1e9 - 1.0).abs() < 1e-3, "{pmf}");

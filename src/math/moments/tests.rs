@@ -63,7 +63,7 @@ fn merge_equals_pushing_all_samples() {
 fn variance_is_never_negative() {
     let mut m = Moments::default();
     for i in 0..100_000 {
-        // The samples differ in the last bit, at a magnitude where squares lose it.
+        // The samples differ in the last bit, which a sum of squares would lose at this magnitude.
         m.push(DVec3::splat(if i % 2 == 0 { 1e8 } else { 1e8 + 1.5e-8 }));
         assert!(m.m2().min_element() >= 0.0);
     }
