@@ -1,9 +1,9 @@
 //! Random numbers of a path: a stream keyed by (seed, pixel, sample), drawn in whole vertices.
 //!
 //! All numbers of a vertex are drawn before any branch, so that switching a feature on or off shifts no other number.
-//! Pictures made with different tables share their path prefixes, and finite differences have little noise.
+//! So pictures rendered with different tables share path prefixes, and finite differences have little noise.
 //!
-//! Whatever is random has a [`Seed`] of its own: [`Seed::derive`] keeps the streams of different uses apart.
+//! Each use of random numbers has its own [`Seed`]: [`Seed::derive`] keeps the streams of different uses apart.
 
 mod sobol;
 #[cfg(test)]
@@ -14,7 +14,7 @@ use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 use serde::{Deserialize, Serialize};
 
-/// Use of random numbers. The numbers of the variants are part of what a seed means: never change or reuse one.
+/// Use of random numbers. The numbers of the variants determine the streams of a seed: never change or reuse one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Domain {
@@ -32,17 +32,17 @@ pub enum Domain {
     Validation = 7,
     /// Russian roulette over recorded events.
     EventRoulette = 9,
-    /// Turns of the levels of roughening at drawing directions.
+    /// Choice of the samples in which levels of roughening draw a second lobe.
     Levels = 10,
     /// Sequences of Sobol points.
     Sobol = 11,
-    /// Light paths that choose where light is aimed.
+    /// Light paths by which the targets of aimed emission are chosen.
     Aim = 12,
     /// Probes of the surface around merges.
     Probes = 13,
-    /// Roughened paths beside a picture, as a witness of light that it lacks.
+    /// Pilot renders that estimate the light that a picture does not contain.
     Witness = 14,
-    /// Lamps and casters of manifold sampling.
+    /// Choice of lights and casters in manifold sampling.
     Manifold = 15,
 }
 
@@ -58,35 +58,35 @@ pub enum Domain {
 pub struct Seed(pub u64);
 
 impl Seed {
-    /// Seed number `n` < 2⁵⁶ of a use. Seeds derived from one seed are distinct for distinct (`domain`, `n`), except for a
-    /// chance of 2⁻⁶⁴ to meet the seed itself; the seed itself belongs to camera paths, number 0.
+    /// Seed number `n` < 2⁵⁶ of a use. Seeds derived from one seed are distinct for distinct (`domain`, `n`), except
+    /// for a chance of 2⁻⁶⁴ to equal the seed itself, which is that of camera paths, number 0.
     pub fn derive(self, domain: Domain, n: u64) -> Self {
         debug_assert!(n >> 56 == 0, "seed number {n} is too large");
         let key = ((domain as u64) << 56) | n;
         if key == 0 {
             return self;
         }
-        // A bijection of the key, and not the xor of two hashes: derivations in different orders differ.
+        // A bijection of the key. The xor of two hashes would give the same seed for derivations in different orders.
         Self(mix(key ^ mix(self.0.wrapping_add(0xa076_1d64_78bd_642f))))
     }
 }
 
 /// Least probability that one number of [`Sampler::next_1d`] may decide: `u < p` holds with probability p to a relative
-/// 2⁻¹² from here on. Below, 24 bits are too few; a p of 1e-9 would be taken for 6e-8.
+/// 2⁻¹² from here on. For smaller p, 24 bits are too few; a p of 1e-9 would act as 6e-8.
 pub const MIN_CHANCE: f32 = 1.0 / 4096.0;
 
 /// Uniform random numbers in [0, 1) that draw a light and a point on it.
 #[derive(Clone, Copy, Debug)]
 pub struct LightU {
-    /// Choice of the light. It has 53 bits, since a scene may have a million lights, and some of them a millionth of
-    /// the power of others.
+    /// Choice of the light. It has 53 bits, since a scene may have a million lights whose powers differ by a factor of
+    /// a million.
     pub pick: f64,
     /// Point on the light.
     pub at: Vec2,
 }
 
 impl From<[f32; 3]> for LightU {
-    /// Numbers in the order in which a vertex draws them; the choice has no more than 24 bits then.
+    /// Numbers in the order in which a vertex draws them; the choice then has only 24 bits.
     fn from([pick, x, y]: [f32; 3]) -> Self {
         Self {
             pick: pick.into(),
@@ -98,11 +98,11 @@ impl From<[f32; 3]> for LightU {
 /// Uniform random numbers in [0, 1) that start a light path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmissionU {
-    /// Choice of the light, and of what light is aimed at; with 53 bits.
+    /// Choice of the light and of the target of aimed emission; with 53 bits.
     pub pick: f64,
     /// Point on the light, or across the scene for a light at infinity.
     pub point: Vec2,
-    /// Direction, aimed or not.
+    /// Direction, whether aimed or not.
     pub direction: Vec2,
     /// Choice of the side that emits.
     pub side: f32,
@@ -132,7 +132,7 @@ pub trait Sampler {
         unit(self.next_bits())
     }
 
-    /// Next number, with 53 bits: for choices among very many.
+    /// Next number, with 53 bits: for choices among many outcomes.
     fn next_pick(&mut self) -> f64 {
         let bits = u64::from(self.next_bits()) << 32 | u64::from(self.next_bits());
         (bits >> 11) as f64 * (0.5 * f64::EPSILON)
@@ -163,7 +163,7 @@ pub trait Sampler {
     /// Numbers of the next vertex.
     #[inline]
     fn vertex(&mut self) -> VertexU {
-        // Each of the eight numbers leaves eight bits over, which refine the choice of a light.
+        // Each of the eight numbers leaves eight bits unused, which refine the choice of a light.
         let mut spare = 0u64;
         let mut next = || {
             let bits = self.next_bits();
@@ -259,16 +259,16 @@ impl SamplerKind {
 /// Numbers of camera paths.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraSource {
-    /// Numbers that no sequence has.
+    /// Numbers after those of the Sobol sequences, or all numbers without sequences.
     independent: Independent,
-    /// Sequences of Sobol points of a pixel, which take turns; 0 for independent samples.
+    /// Number of Sobol sequences of a pixel, used in turn by its samples; 0 for independent samples.
     sequences: u32,
     /// Seed of all sequences.
     seed: Seed,
 }
 
 impl CameraSource {
-    /// Numbers of a render with this seed, of a kind whose samples n, n + `batches`, n + 2 `batches`, … are independent of all others.
+    /// Numbers of a render with this seed. Samples n, n + `batches`, n + 2 `batches`, … are independent of all others.
     pub fn new(kind: SamplerKind, seed: Seed, batches: u32) -> Self {
         let independent = Independent {
             seed: seed.derive(Domain::Camera, 0),
@@ -293,11 +293,11 @@ impl CameraSource {
 /// Numbers of light paths.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightSource {
-    /// Numbers that no sequence has.
+    /// Numbers after those of the Sobol sequences, or all numbers without sequences.
     independent: Independent,
-    /// Seed of the sequences of Sobol points, one a sample; `None` for independent samples.
+    /// Seed of the Sobol sequences, of which each sample has one; `None` for independent samples.
     sequences: Option<Seed>,
-    /// Pixels of a line of the frame.
+    /// Number of pixels in a line of the frame.
     columns: u32,
 }
 
@@ -313,8 +313,8 @@ impl LightSource {
         }
     }
 
-    /// Stream of a light path of sample number `sample`. Points of a sequence are in the order of a Z-curve through the pixels, so
-    /// that the light paths of every aligned square of 2^m x 2^m pixels are an aligned run. Samples are independent.
+    /// Stream of a light path of sample number `sample`. Points of a sequence follow a Z-curve through the pixels, so
+    /// that aligned squares of 2^m x 2^m pixels have aligned runs of points. Samples are independent.
     pub(crate) fn stream(&self, path: u32, sample: u32) -> PathStream {
         let sequence = self.sequences.map(|seed| {
             let (x, y) = (path % self.columns, path / self.columns);
@@ -331,7 +331,7 @@ impl LightSource {
     }
 }
 
-/// The lower 16 bits of two numbers in turns, those of `x` first.
+/// Morton code of the lower 16 bits of two numbers; the lowest bit is that of `x`.
 fn interleaved(x: u32, y: u32) -> u32 {
     let spread = |n: u32| {
         let n = n & 0xffff;
@@ -343,14 +343,14 @@ fn interleaved(x: u32, y: u32) -> u32 {
     spread(x) | spread(y) << 1
 }
 
-/// Stream of [`CameraSource`] or of light paths: points of a sequence, if there is one, and independent numbers after them.
+/// Stream of [`CameraSource`] or of light paths: Sobol points if there is a sequence, then independent numbers.
 #[derive(Clone, Debug)]
 pub struct PathStream {
     rest: IndependentStream,
     sequence: Option<sobol::Sequence>,
     /// Vertices drawn from the sequence.
     drawn: u32,
-    /// True if points on the lens are independent: every vertex of a light path draws one.
+    /// True if points on the lens are independent numbers, as for light paths: each of their vertices draws one.
     independent_lens: bool,
 }
 

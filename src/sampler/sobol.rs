@@ -1,35 +1,35 @@
 //! Owen-scrambled Sobol points for camera paths and light paths.
 //!
 //! The numbers of a path come in sets of four: film and lens, or direction and point of emission; then, for each of the
-//! first vertices, those that sample a light, and those that sample the BSDF. A light path has one more for the choice of its
-//! light and side. A set is the first four dimensions of the Sobol sequence (direction numbers of
-//! Joe, Kuo: *Constructing Sobol Sequences with Better Two-Dimensional Projections*, 2008), in an order of its own
-//! and scrambled on its own `[Burley20]`. Pairs that cover an area, such as
-//! the point on a light, are its first two dimensions, of which every aligned run of 2^m samples has one point in every
-//! elementary interval of area 2^-m. Every number alone is uniform, so that each sample is an unbiased estimate; samples of
-//! one sequence are correlated, and the variance of their mean is about that of independent samples at most.
+//! first [`VERTICES`] vertices, one set that samples a light and one that samples the BSDF. A light path has one more
+//! set for the choice of its light and side. A set is the first four dimensions of the Sobol sequence (direction
+//! numbers of Joe, Kuo: *Constructing Sobol Sequences with Better Two-Dimensional Projections*, 2008), with its own
+//! shuffling and scrambling `[Burley20]`. Pairs that cover an area, such as the point on a light, are the first two
+//! dimensions: every aligned run of 2^m samples has one such point in every elementary interval of area 2^-m. Every
+//! number alone is uniform, so that each sample is an unbiased estimate; samples of one sequence are correlated, and
+//! the variance of their mean is about that of independent samples at most.
 
 use super::{EmissionU, LightU, VertexU, mix, unit};
 use crate::math::Vec2;
 
-/// Vertices whose numbers are Sobol points.
+/// Number of vertices of a path whose numbers are Sobol points.
 pub(super) const VERTICES: u32 = 4;
 
-/// Position in a sequence.
+/// One point of a sequence, in all sets.
 #[derive(Clone, Debug)]
 pub(super) struct Sequence {
-    /// Hash of the sequence.
+    /// Hash that identifies the sequence.
     key: u64,
-    /// Number of the point.
+    /// Index of the point.
     index: u32,
-    /// Number of the point with its bits reversed.
+    /// Index of the point with its bits reversed.
     reversed: u32,
 }
 
-/// Numbers of a point have their digits reversed: the first is the lowest bit.
+/// Coordinates of a point in binary digits, reversed: the first digit is the lowest bit.
 type Digits = [u32; 4];
 
-/// Contributions to a point of every byte of its number; the lowest byte with its bits reversed.
+/// Contribution of each byte of the index to a point; the lowest byte has its bits reversed.
 static BYTES: [[Digits; 256]; 4] = bytes();
 
 impl Sequence {
@@ -41,7 +41,7 @@ impl Sequence {
         }
     }
 
-    /// Bits of this point in a set, and 64 more of the whole sequence.
+    /// Bits of this point in a set, and 64 further bits that all points of the sequence share in this set.
     #[inline(always)]
     fn point(&self, set: u32) -> (Digits, u64) {
         let a = mix(self
@@ -49,8 +49,8 @@ impl Sequence {
             .wrapping_add(u64::from(set).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
         let b = mix(a ^ 0xd1b5_4a32_d192_ed03);
         let order = a.wrapping_add(b.rotate_left(32));
-        // A permutation of every aligned run of 256 points keeps its elementary intervals. Longer runs need none: their
-        // numbers are the ninth digits and later ones of a point.
+        // A permutation within every aligned run of 256 points keeps its elementary intervals. Longer runs need none:
+        // their numbers are the ninth digits and later ones of a point.
         let place = scramble(self.reversed, order as u32) >> 24;
         let mut digits = BYTES[0][place as usize];
         let mut rest = self.index >> 8;
@@ -78,7 +78,7 @@ impl Sequence {
         }
     }
 
-    /// The choice of a light with these digits and 21 more of a hash.
+    /// Number for the choice of a light: these 32 bits, and 21 bits of a hash.
     #[inline(always)]
     fn pick(&self, bits: u32, spare: u64) -> f64 {
         let spare = mix(spare ^ u64::from(self.index)) >> 43;
@@ -114,7 +114,7 @@ impl Sequence {
     }
 }
 
-/// Owen scrambling of reversed digits: each changes with the digits before it only. The hash is Laine and Karras'
+/// Owen scrambling of reversed digits: each digit changes only with the digits before it. The hash is Laine and Karras'
 /// (*Stratified Sampling for Stochastic Transparency*, EGSR 2011) with the constants of Vegdahl (*Building a Better LK
 /// Hash*, 2021).
 #[inline(always)]

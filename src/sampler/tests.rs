@@ -71,7 +71,7 @@ fn the_choice_of_a_light_has_53_uniform_bits() {
         for (i, count) in ones.iter_mut().enumerate() {
             *count += (bits >> i & 1) as u32;
         }
-        // The upper bits are the second number of the vertex, and no other number is used up.
+        // The upper bits are the second number of the vertex, and the choice uses no further number.
         let mut plain = before;
         let numbers: [f32; 8] = std::array::from_fn(|_| plain.next_1d());
         assert_eq!(bits >> 29, (numbers[1] * 16_777_216.0) as u64);
@@ -87,8 +87,8 @@ fn the_choice_of_a_light_has_53_uniform_bits() {
     }
 }
 
-/// The light paths of every aligned square of 4 x 4 pixels leave a light in 16 different directions, one in each of 16 parts of
-/// either coordinate and in each of 4 x 4 cells; those of another sample in others.
+/// The light paths of every aligned square of 4 x 4 pixels have 16 different directions: one in each of 16 parts of
+/// either coordinate, and in each of 4 x 4 cells. Another sample has other directions.
 #[test]
 fn light_paths_of_neighbours_cover_directions() {
     let columns = 20;
@@ -108,7 +108,7 @@ fn light_paths_of_neighbours_cover_directions() {
             assert_eq!(cells(&|u| (16.0 * u.direction.y) as u32), 16);
             let at = |p: Vec2| (4.0 * p.x) as u32 + 4 * (4.0 * p.y) as u32;
             assert_eq!(cells(&|u| at(u.direction)), 16);
-            // The choice and the coordinates of the point alone.
+            // The choice and each coordinate of the point are stratified in one dimension only.
             assert_eq!(cells(&|u| (16.0 * u.pick) as u32), 16);
             assert_eq!(cells(&|u| (16.0 * u.point.x) as u32), 16);
             assert_eq!(cells(&|u| (16.0 * u.point.y) as u32), 16);
@@ -117,7 +117,7 @@ fn light_paths_of_neighbours_cover_directions() {
     }
 }
 
-/// Places of a frame wider than 65,536 pixels have points of their own.
+/// Pixels more than 65,536 apart have different points.
 #[test]
 fn light_paths_of_wide_frames_differ() {
     let source = LightSource::new(SamplerKind::Sobol, Seed(3), 1 << 17);
@@ -128,7 +128,7 @@ fn light_paths_of_wide_frames_differ() {
     assert_ne!(emission(5), emission(5 + (1 << 16)));
 }
 
-/// Every vertex of a light path draws a point on the lens of its own, whose numbers are not those of its emission.
+/// Every vertex of a light path draws its own point on the lens, independent of the numbers of emission.
 #[test]
 fn light_paths_draw_points_on_the_lens_independently() {
     let source = LightSource::new(SamplerKind::Sobol, Seed(3), 64);

@@ -22,7 +22,7 @@ fn elementary_intervals_of_every_number_and_pair_hold_one_point() {
                     let mut seen = vec![[false; 4]; 1 << m];
                     for p in run {
                         seen[cell(p[0], p[1])][0] = true;
-                        // Each of the others alone.
+                        // The third and fourth number are stratified in one dimension each.
                         seen[cell(p[2], p[2]) >> (m - a)][1] = true;
                         seen[cell(p[3], p[3]) >> (m - a)][2] = true;
                     }
@@ -44,7 +44,7 @@ fn deviation(counts: &[u32]) -> f64 {
     (counts.iter().map(far).sum::<f64>() - freedom) / (2.0 * freedom).sqrt()
 }
 
-/// Uniform over keys, for any number of a sample, and so are pairs of numbers of one sample, within sets and across.
+/// Over all keys, each number of a sample is uniform, and so are pairs of its numbers, within a set and across sets.
 #[test]
 fn chi_square_of_one_sample_over_sequences() {
     for index in [0, 1, 5, 200, 77_000] {
@@ -71,7 +71,7 @@ fn chi_square_of_one_sample_over_sequences() {
     }
 }
 
-/// Pairs of numbers of different sets over the samples of one sequence are as good as independent.
+/// Pairs of numbers of different sets are almost independent over the samples of one sequence.
 #[test]
 fn chi_square_of_pairs_across_sets_over_samples() {
     let (n, runs) = (256, 200);
@@ -87,7 +87,7 @@ fn chi_square_of_pairs_across_sets_over_samples() {
         }
     }
     for (d, counts) in counts.iter().enumerate() {
-        // Each number alone is stratified, so that counts vary less than independent ones, not more.
+        // Each number alone is stratified, so that counts vary less than those of independent numbers.
         assert!(deviation(counts) < 4.0, "{d}: {}", deviation(counts));
     }
 }
