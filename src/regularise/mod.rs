@@ -1,12 +1,12 @@
 //! The paper: how much to roughen the last surface of a path, given the roughness of the path so far.
 //!
-//! At next-event estimation the glossy lobe of the last vertex is evaluated at an *accumulated roughness*
-//! α′ₙ ≥ αₙ `[OPSR (7)]`; the path itself continues with the original lobe. [`Accumulated`] computes α′ from a
-//! [`PathRoughness`] and [`Factors`] (a learned table, or one constant γ). [`Rule`] is the policy a user chooses,
-//! rules of other renderers among them; estimators see any of them as a [`Roughening`].
+//! At next-event estimation the glossy lobe of the last vertex is evaluated at an *accumulated roughness* α′ₙ ≥ αₙ
+//! `[OPSR (7)]`; the path itself continues with the original lobe. [`Accumulated`] computes α′ from a [`PathRoughness`]
+//! and [`Factors`] (a learned table, or one constant γ). [`Rule`] is the user's choice, which includes rules of other
+//! renderers; estimators are generic over [`Roughening`].
 //!
-//! Path roughness, tables, their files and their export are the crate `opsr-table`, which other renderers use without this
-//! one; the rules are here. Nothing here depends on scenes, lights or the trainer.
+//! The crate `opsr-table`, which other renderers can use alone, contains path roughness, tables, their files and their
+//! export. This module contains the rules; it depends on no scene, light or trainer.
 
 pub mod file;
 pub(crate) mod rules;
@@ -43,7 +43,7 @@ impl Factors {
         }
     }
 
-    /// Factor of a path before the multiplier.
+    /// Factor of a path before multiplication by [`Factors::scale`].
     #[inline]
     pub(crate) fn unscaled(&self, prefix: &PathRoughness, last: f32) -> f32 {
         match self {
@@ -63,7 +63,7 @@ impl Attenuation for Factors {
     }
 }
 
-/// The lobe that a path continued from, as rules remember it.
+/// Data about the lobe from which a path continued, passed to [`Roughening::scatter`].
 #[derive(Clone, Copy, Debug)]
 pub struct Scattered {
     /// Own roughness of the sampled lobe: 0 for a perfectly smooth one, 1 for Lambert.
@@ -74,22 +74,22 @@ pub struct Scattered {
 
 /// Computes the roughness of the last vertex of a path at next-event estimation.
 pub trait Roughening: Sync {
-    /// Memory of the path so far.
+    /// State of the path so far.
     type Path: Copy;
-    /// False where no roughness ever changes, which compiles look-up and memory away.
+    /// False if no roughness ever changes, so that the compiler can remove look-ups and state.
     const ACTIVE: bool = true;
 
-    /// The memory of an empty path of sample number `sample` (from 0) of a pixel.
+    /// State of an empty path of sample number `sample` (from 0) of a pixel.
     fn start(&self, sample: u32) -> Self::Path;
 
-    /// Roughness α′ ≥ `alpha` at next-event estimation; `alpha` itself where nothing changes.
+    /// Roughness α′ ≥ `alpha` at next-event estimation; `alpha` itself where the rule does not roughen.
     fn roughen(&self, path: &Self::Path, alpha: f32) -> f32;
 
-    /// Appends a vertex to the memory.
+    /// Appends a vertex to the state.
     fn scatter(&self, path: &mut Self::Path, vertex: Scattered);
 
-    /// Radius over half the diagonal of the scene of the kernel at lights without area, for a rule that spreads Dirac
-    /// lobes towards them `[PSR]`.
+    /// Radius of the kernel at lights without area, over half the diagonal of the scene; `None` for a rule that does
+    /// not spread Dirac lobes towards such lights `[PSR]`.
     fn mollifier_radius(&self, _: &Self::Path) -> Option<f32> {
         None
     }
@@ -120,7 +120,7 @@ impl<R: Roughening> Roughening for &R {
     }
 }
 
-/// No regularisation: plain path tracing, without any memory.
+/// No regularisation: plain path tracing, without any state.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Unregularised;
 
@@ -149,7 +149,7 @@ pub struct Accumulated {
     pub lambda: f32,
 }
 
-/// Memory of [`Accumulated`].
+/// State of [`Accumulated`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct AccumulatedPath {
     roughness: PathRoughness,

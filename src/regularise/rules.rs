@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 /// A rule that roughens the last vertex of a path.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Rule {
-    /// Not at all.
+    /// No roughening.
     #[default]
     Plain,
     /// Accumulated roughness with learned factors or one constant `[OPSR]`.
@@ -22,13 +22,13 @@ pub enum Rule {
     FilterGlossy(f32),
     /// Roughness clamp: no lobe is sharper than the roughest one before it.
     RoughnessClamp,
-    /// The mollifier of Kaplanyan and Dachsbacher at next-event estimation `[PSR]`, only where no path could be sampled:
-    /// a smooth lobe before a light without area. Holds r₀ over half the diagonal of the scene; sample n uses a kernel
-    /// of radius r₀ n^(−1/6), so the bias vanishes.
+    /// The mollifier of Kaplanyan and Dachsbacher at next-event estimation `[PSR]`, only where no path can be sampled:
+    /// at a smooth lobe before a light without area. The value is r₀ over half the diagonal of the scene; sample n uses
+    /// a kernel of radius r₀ n^(−1/6), so the bias vanishes.
     Mollifier(f32),
 }
 
-/// r₀ of [`Rule::Mollifier`] unless another is asked for.
+/// Default r₀ of [`Rule::Mollifier`].
 pub(crate) const MOLLIFIER_RADIUS: f32 = 0.01;
 
 impl Rule {
@@ -67,7 +67,7 @@ impl Rule {
         )
     }
 
-    /// The rule in words that two rules share only if they roughen alike; a table is named by the hash of its factors.
+    /// Text that is equal for two rules only if they roughen alike; it contains a hash of a table's factors.
     pub(crate) fn fingerprint(&self) -> String {
         let (Some(table), Self::Accumulated(rule)) = (self.table(), self) else {
             return format!("{self:?}");
@@ -91,7 +91,7 @@ impl Rule {
     }
 }
 
-/// α′ of [`Rule::FilterGlossy`] after this smallest density.
+/// α′ of [`Rule::FilterGlossy`], given the smallest density of the path so far.
 #[inline]
 fn filter_glossy(filter: f32, least_pdf_w: f32, alpha: f32) -> f32 {
     let b = least_pdf_w / filter;
@@ -102,7 +102,7 @@ fn filter_glossy(filter: f32, least_pdf_w: f32, alpha: f32) -> f32 {
     }
 }
 
-/// Memory of [`Rule`], kept whatever the rule.
+/// State of [`Rule`], the same type for every variant.
 #[derive(Clone, Copy, Debug)]
 pub struct RulePath {
     accumulated: AccumulatedPath,

@@ -11,7 +11,7 @@ fn pbrt_doubles_sharp_lobes_after_a_rough_bounce() {
     rule.scatter(&mut path, scattered(0.0, f32::INFINITY));
     assert_eq!(rule.roughen(&path, 0.01), 0.01);
     rule.scatter(&mut path, scattered(1e-3, 9.0));
-    // Remembered whatever comes after.
+    // A later Dirac bounce does not undo it.
     rule.scatter(&mut path, scattered(0.0, f32::INFINITY));
     for (own, blurred) in [
         (0.0, 0.1),
@@ -59,7 +59,7 @@ fn mollifier_leaves_roughness_alone_and_shrinks_its_kernel() {
     rule.scatter(&mut path, scattered(1.0, 1.0));
     assert_eq!(rule.mollifier_radius(&path), Some(0.1));
     assert_eq!(rule.roughen(&path, 0.3), 0.3);
-    // With the sixth root of the sample's number.
+    // Sample 64 has half the radius: 64^(−1/6).
     let later = rule.mollifier_radius(&rule.start(63)).unwrap();
     assert!((later - 0.05).abs() < 1e-8);
     assert_eq!(Rule::Pbrt.mollifier_radius(&path), None);
