@@ -1,7 +1,7 @@
 //! The traversal with AVX2 and FMA. Only this module and `image::denoise` have unsafe code.
 //!
 //! Safety rests on four facts, each local to this folder:
-//! - The kernel needs AVX2 and FMA: [`Avx2`] is only made by [`Avx2::detect`], after asking the processor.
+//! - The kernel needs AVX2 and FMA: [`Avx2`] is only made by [`Avx2::detect`], which tests the processor.
 //! - Node and block indices are in range: [`Wide`] is only made by its builder, is never changed afterwards, and refers
 //!   only to nodes and blocks it has pushed itself.
 //! - Loads are aligned and in bounds: [`Node`] and [`Block`] are `repr(C)` with alignment 256 and 32 and every row is 32
@@ -28,7 +28,7 @@ const STACK: usize = 256;
 pub(super) struct Avx2(());
 
 impl Avx2 {
-    /// Asks the processor.
+    /// `None` if the processor does not support both.
     pub(super) fn detect() -> Option<Self> {
         (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
     }
@@ -57,8 +57,8 @@ impl Avx2 {
     }
 }
 
-/// An empty list of this capacity in memory that the kernel is asked to back with huge pages: incoherent rays spend much of
-/// their time on address translation. Only advice; without huge pages nothing changes.
+/// An empty list of this capacity in memory for which the kernel is advised to use huge pages: incoherent rays spend
+/// much of their time on address translation.
 pub(super) fn huge_list<T>(capacity: usize) -> Vec<T> {
     const PAGE: usize = 4096;
     let list = Vec::<T>::with_capacity(capacity);
@@ -67,7 +67,7 @@ pub(super) fn huge_list<T>(capacity: usize) -> Vec<T> {
         let start = (list.as_ptr() as usize).next_multiple_of(PAGE);
         let end = (list.as_ptr() as usize + size) / PAGE * PAGE;
         #[cfg(target_os = "linux")]
-        // SAFETY: whole pages inside an allocation of ours; the advice changes no content.
+        // SAFETY: whole pages inside the list's allocation; the advice changes no content.
         unsafe {
             libc::madvise(start as *mut libc::c_void, end - start, libc::MADV_HUGEPAGE)
         };
@@ -75,7 +75,7 @@ pub(super) fn huge_list<T>(capacity: usize) -> Vec<T> {
     list
 }
 
-/// Asks for an item that will soon be read.
+/// Prefetches an item that will soon be read.
 #[inline(always)]
 pub(super) fn fetch<T>(item: &T) {
     let start = std::ptr::from_ref(item).cast::<i8>();
@@ -98,8 +98,8 @@ struct Slabs {
 
 impl Slabs {
     /// All rounding goes outwards: the offsets absorb the error of the product origin · scale, one unit in its last
-    /// place, and the scales absorb the relative rest. The test itself then costs one fused operation a plane and never
-    /// loses a box.
+    /// place, and the scales absorb the relative rest. The test itself then costs one fused operation per plane and
+    /// never misses a box.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     fn new(ray: &Ray) -> Self {
@@ -126,7 +126,7 @@ impl Slabs {
         }
     }
 
-    /// Entry distances of the eight boxes, and the mask of those that the ray meets before `t_max`.
+    /// Entry distances of the eight boxes, and the mask of those that the ray hits before `t_max`.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     fn test(&self, node: &Node, t_max: __m256) -> (__m256, u32) {
@@ -265,7 +265,7 @@ fn entry(near: f32, child: u32) -> u64 {
     u64::from(near.to_bits()) << 32 | u64::from(child)
 }
 
-/// Asks for the first lines of a child.
+/// Prefetches the first cache lines of a child.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
 fn prefetch(tree: &Wide, child: u32) {
@@ -286,7 +286,7 @@ fn prefetch(tree: &Wide, child: u32) {
     }
 }
 
-/// Pushes the children in `mask` but the nearest, which it returns.
+/// Pushes the children in `mask` except the nearest, which it returns.
 ///
 /// # Safety
 /// `stack` must have room above `top` for as many as `mask` has bits.
@@ -319,7 +319,7 @@ unsafe fn descend<const ANY: bool>(
         let mut at = *top;
         // SAFETY: everything from `base` to `top` has been written, and there is room for one more.
         unsafe {
-            // Sorted, the nearer on top; a shadow ray does not care.
+            // Sorted with the nearest on top; for shadow rays the order does not matter.
             while !ANY && at > base && stack.add(at - 1).read() < far {
                 stack.add(at).write(stack.add(at - 1).read());
                 at -= 1;

@@ -27,7 +27,7 @@ pub(crate) fn huge_list<T>(capacity: usize) -> Vec<T> {
     Vec::with_capacity(capacity)
 }
 
-/// Asks the memory for an item of a list that will soon be read.
+/// Prefetches an item of a list that will soon be read.
 #[inline(always)]
 pub(crate) fn fetch<T>(list: &[T], index: u32) {
     #[cfg(target_arch = "x86_64")]
@@ -38,12 +38,12 @@ pub(crate) fn fetch<T>(list: &[T], index: u32) {
     let _ = (list, index);
 }
 
-/// The instances in a tree, for a walk.
+/// The instances in a tree, for a traversal.
 pub(crate) trait Enter {
     /// True if there are any.
     const SOME: bool;
 
-    /// A hit in an instance that comes before the best one; any of them will do for a walk that stops at the first.
+    /// The hit in an instance that is closer than `best`; any such hit for a traversal that stops at the first.
     fn hit(&self, instance: u32, best: &Hit) -> Option<Hit>;
 }
 
@@ -82,8 +82,8 @@ impl Accel {
         Self::over(triangles.len(), |i| triangles[i as usize], &[])
     }
 
-    /// The same, over `count` triangles that a function gives: a list of them would add to the memory that building takes. And
-    /// over instances, of which these are lower and upper corners of boxes within 1e17.
+    /// Builds the tree over `count` triangles of a function, since a list would take more memory, and over instances
+    /// with these lower and upper corners of boxes within 1e17.
     pub(crate) fn over(
         count: usize,
         corners: impl Fn(u32) -> [Vec3; 3] + Sync,
@@ -105,7 +105,7 @@ impl Accel {
         }
     }
 
-    /// Bounds of triangles and instances alone: no ray meets anything.
+    /// Only the bounds of triangles and instances: rays hit nothing.
     pub(crate) fn outline(
         triangles: impl Iterator<Item = [Vec3; 3]>,
         instances: &[(Vec3, Vec3)],
@@ -157,8 +157,8 @@ impl Accel {
         self.walk::<ANY>(ray, keep, enter)
     }
 
-    /// A hit of a ray in the tree's own space that is closer than the best one and that `keep` accepts: the closest, or with
-    /// `ANY` the first to be found.
+    /// A hit of a ray in the tree's own space that `keep` accepts and that is closer than the ray's best one: the
+    /// closest, or with `ANY` the first found.
     #[inline]
     pub(crate) fn improve<const ANY: bool>(
         &self,
@@ -182,7 +182,7 @@ impl Accel {
         portable::walk::<ANY, _>(&self.tree, probe, keep, enter)
     }
 
-    /// The greatest p · `dir` over the points p of all triangles, of which there are some, or a bound that is hardly greater.
+    /// The greatest p · `dir` over the points p of all triangles, or a slightly larger bound; at least one must exist.
     pub(crate) fn reach(&self, dir: DVec3) -> f64 {
         self.tree.reach(dir)
     }

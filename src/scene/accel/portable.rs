@@ -24,8 +24,8 @@ pub(super) fn reciprocal(dir: Vec3) -> Vec3 {
 }
 
 /// Traverses the tree; with `ANY` stops at the first hit. Among equally distant hits the lowest index wins, so that the
-/// result does not depend on the tree. Hits that `keep` rejects do not count. An instance is asked by `enter` for a hit that comes
-/// before the best one.
+/// result does not depend on the tree. Hits that `keep` rejects do not count. `enter` finds the hit in an instance that
+/// is closer than the best one.
 pub(super) fn walk<const ANY: bool, E: Enter>(
     tree: &Wide,
     probe: &impl Probe,
@@ -71,8 +71,8 @@ pub(super) fn walk<const ANY: bool, E: Enter>(
     found.then_some(best)
 }
 
-/// Visits the blocks of the leaves that a ray meets before `t_max`, nearest leaf first unless `ANY` will do; `visit` is
-/// given the bound, and returns the next or stops.
+/// Visits the blocks of the leaves that a ray hits before `t_max`, nearest leaf first unless `ANY`; `visit` is passed
+/// the bound, and returns the next bound or stops.
 fn traverse<const ANY: bool>(
     tree: &Wide,
     ray: &Ray,

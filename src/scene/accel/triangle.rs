@@ -9,14 +9,14 @@
 //! the results the same bits with and without AVX2.
 //!
 //! The distance is the plane's, in double precision. `[Woop13]` interpolates it with the edge functions, whose error
-//! grows with the triangle's aspect ratio: rays then meet the very sliver that they leave. In double precision the sign
-//! of t is right for every origin that single precision distinguishes from the plane. The cost is negligible, for few
-//! triangles get that far.
+//! grows with the triangle's aspect ratio: rays then hit the sliver that they leave. In double precision the sign of t
+//! is right for every origin that single precision distinguishes from the plane. The cost is negligible, since few
+//! triangles pass the test in the plane.
 
 use crate::math::{DVec3, Ray, Vec3};
 use crate::scene::{Hit, TriangleId};
 
-/// A ray as it asks the triangles of a tree.
+/// A ray in the form that triangle tests need.
 pub(super) trait Probe {
     /// The ray in single precision, for boxes and for the test in the plane.
     fn ray(&self) -> &Ray;
@@ -24,7 +24,7 @@ pub(super) trait Probe {
     fn exact(&self) -> (DVec3, DVec3);
     /// The best hit so far: its distance bounds the search.
     fn best(&self) -> Hit;
-    /// A triangle of the tree in the scene.
+    /// Identifier in the scene of a triangle of the tree.
     fn triangle(&self, id: u32) -> TriangleId;
 }
 
@@ -55,8 +55,8 @@ impl Probe for Ray {
 
 /// A ray in the space of an instance's mesh. Its direction has any length, so that distances are those in the world.
 ///
-/// Distances are computed from the ray in double precision, not from its rounding: the sign of t is right for every origin
-/// that single precision distinguishes from the plane *in the world*, as it is for other triangles.
+/// Distances are computed from the ray in double precision, not from the rounded ray: the sign of t is right for every
+/// origin that single precision distinguishes from the plane *in the world*, as it is for other triangles.
 pub(crate) struct LocalRay {
     /// The ray, rounded.
     pub(crate) ray: Ray,

@@ -41,8 +41,8 @@ pub(super) struct Node {
     pub(super) children: [u32; WIDTH],
 }
 
-/// Four triangles, lane by lane; a free lane holds NaN, which no test accepts. Or an instance: no triangle, its number the first
-/// of `ids`, and [`INSTANCE`] the last.
+/// Four triangles, lane by lane; an empty lane has NaN, which no test accepts. For an instance all lanes are empty, the
+/// first of `ids` is its number and the last [`INSTANCE`].
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Block {
@@ -97,24 +97,24 @@ impl Block {
         ids: [0; LANES],
     };
 
-    /// The instance, if it is one.
+    /// Number of the instance, if the block is one.
     #[inline(always)]
     pub(super) fn instance(&self) -> Option<u32> {
         (self.ids[LANES - 1] == INSTANCE).then_some(self.ids[0])
     }
 }
 
-/// Mark of an instance among the triangles' indices, which are below it.
+/// Mark of an instance in [`Block::ids`]; indices of triangles are lower.
 const INSTANCE: u32 = u32::MAX;
 
-/// Primitives as which an instance counts: more than a leaf of several may have.
+/// Number of primitives for which an instance counts: more than a leaf may have, so that it gets its own.
 const WEIGHT: u8 = (LANES << COUNT_BITS) as u8 + 1;
 
 /// Cost of an instance over the cost of testing the eight boxes of a node.
 const INSTANCE_COST: f32 = 4.0;
 
-/// Number of primitives from which on a tree is built in half of the time: its surface-area cost is 1 % higher, rays take as
-/// long within 1 %. Smaller trees take no time that anyone would notice.
+/// Least number of primitives for the fast build, which takes half the time: the surface-area cost is 1 % higher, and
+/// rays take equally long within 1 %.
 const MANY: usize = 1 << 17;
 
 /// Bounds of nothing.
@@ -132,7 +132,7 @@ const MOST: usize = 1 << COUNT_BITS;
 /// Cost of a block of triangles over the cost of testing the eight boxes of a node.
 const BLOCK_COST: f32 = 0.3;
 
-/// A primitive's box, for the builder: without the padding of its own.
+/// A primitive's box for the builder, without the padding of [`Aabb`].
 struct Bounded {
     low: [f32; 3],
     high: [f32; 3],
@@ -167,7 +167,7 @@ impl Wide {
         };
         let all = 0..count as u32;
         let boxes: Option<Vec<_>> = all.clone().into_par_iter().map(bounded).collect();
-        // Indices of the primitives; none if all triangles are.
+        // Indices of the usable triangles; `None` if all are usable.
         let (ids, mut boxes): (Option<Vec<u32>>, Vec<Bounded>) = match boxes {
             Some(boxes) => (None, boxes),
             None => {
@@ -200,7 +200,7 @@ impl Wide {
         })
     }
 
-    /// A tree of the same bounds without anything in it.
+    /// An empty tree with the bounds of these triangles and instances.
     pub(super) fn outline(
         triangles: impl Iterator<Item = [Vec3; 3]>,
         instances: &[(Vec3, Vec3)],
@@ -221,10 +221,10 @@ impl Wide {
 }
 
 impl Wide {
-    /// The greatest p · `dir` over the points p of all triangles, or a bound of it that is hardly greater: the search, farthest
-    /// box first, ends after a few nodes. The tree has no instances.
+    /// The greatest p · `dir` over the points p of all triangles, or a slightly larger bound: the search, farthest box
+    /// first, ends after a few nodes. The tree must have no instances.
     pub(super) fn reach(&self, dir: DVec3) -> f64 {
-        /// Nodes and leaves that are looked into.
+        /// Largest number of nodes and leaves visited.
         const MOST: usize = 24;
         let mut todo = vec![(f64::INFINITY, 0)];
         let mut reach = f64::NEG_INFINITY;
@@ -244,7 +244,7 @@ impl Wide {
                 for [x, y, z] in block.corners {
                     for lane in 0..LANES {
                         let p = Vec3::new(x[lane], y[lane], z[lane]).as_dvec3();
-                        // Free lanes are NaN, which the greatest never is.
+                        // `max` ignores the NaN of empty lanes.
                         reach = reach.max(p.dot(dir));
                     }
                 }
@@ -285,7 +285,7 @@ impl Wide {
         };
         let mut binary = build_bvh2(&boxes, params, &mut Duration::default());
         drop(boxes);
-        // What the fold does not read; with as many entries as there are triangles.
+        // The fold does not read these lists, which have an entry per triangle.
         binary.parents = Vec::new();
         binary.primitives_to_nodes = Vec::new();
         Fold::new(&binary, triangles).run(fill)
@@ -299,8 +299,8 @@ struct Costs {
     count: u8,
 }
 
-/// The way to the least costs of an inner node: for `i + 2` roots (last: for the eight children) the number of those that go to
-/// the left child, in three bits. 0: fewer roots are no worse; last: the subtree is best as a leaf.
+/// Choices that give the least costs of an inner node: for `i + 2` roots (last: for the eight children) the number of
+/// roots in the left child, in three bits. 0: fewer roots are no worse; last: the subtree is best as a leaf.
 struct Plan(AtomicU32);
 
 impl Plan {
@@ -321,7 +321,7 @@ struct Fold<'a> {
 }
 
 impl<'a> Fold<'a> {
-    /// Levels at which both children are done at the same time.
+    /// Number of levels at which both children are solved in parallel.
     const FORKS: u32 = 8;
 
     fn new(binary: &'a Bvh2, triangles: u32) -> Self {
@@ -342,7 +342,7 @@ impl<'a> Fold<'a> {
         &self.plans[self.binary.nodes[n as usize].first_index as usize / 2]
     }
 
-    /// Plans a subtree, and gives its costs.
+    /// Plans a subtree and returns its costs.
     fn solve(&self, n: u32, forks: u32) -> Costs {
         let node = |n: u32| &self.binary.nodes[n as usize];
         if forks > 0 && !node(n).is_leaf() {
@@ -351,7 +351,7 @@ impl<'a> Fold<'a> {
             let (left, right) = rayon::join(side(first), side(first + 1));
             return self.choose(n, &left, &right);
         }
-        /// Marks a node whose children are done.
+        /// Marks a node whose children are solved.
         const READY: u32 = 1 << 31;
         let (mut todo, mut done) = (vec![n], Vec::new());
         while let Some(n) = todo.pop() {
@@ -449,8 +449,8 @@ impl<'a> Fold<'a> {
     }
 
     fn run(&self, mut fill: impl FnMut(&mut Vec<u32>, &mut Vec<Block>)) -> Wide {
-        // Twice the blocks that full ones would be, and a node for every eight: enough for nearly all scenes. Memory that is not
-        // written is not taken, and lists that grow would copy.
+        // Capacity for twice as many blocks as full ones, and a node for every eight: enough for nearly all scenes.
+        // Unwritten memory is not committed, and lists that grow would copy.
         let instances = self.binary.primitive_indices.len() - self.triangles as usize;
         let most = 2 * (self.triangles as usize).div_ceil(LANES) + 2 * instances;
         let (mut nodes, mut blocks) = (huge_list(most.div_ceil(WIDTH)), huge_list(most));
@@ -491,7 +491,7 @@ impl<'a> Fold<'a> {
         }
     }
 
-    /// The primitives of a binary subtree, left to right; `todo` is memory to work in.
+    /// The primitives of a binary subtree, left to right; `todo` is scratch memory.
     fn primitives(&self, n: u32, todo: &mut Vec<u32>, out: &mut Vec<u32>) {
         out.clear();
         todo.push(n);
