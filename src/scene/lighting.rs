@@ -1,42 +1,41 @@
-//! Light of a scene's own surfaces where its camera looks, beside that of surroundings, measured with a few hundred paths: what
-//! emits is a lamp or decoration by what it lights.
+//! Light of a scene's own surfaces and of surroundings at points that its camera sees, estimated with at most 1024
+//! paths. It decides if emissive surfaces are lamps or decoration.
 
 use super::{Camera, Environment, LightSample, Scene, Surface};
 use crate::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3, luminance, warp};
 use crate::sampler::{Independent, LightU, SampleSource, Sampler, Seed};
 
-/// Film positions along each side of the picture at which points are looked for.
+/// Number of film positions along each side of the picture whose rays find the points.
 const GRID: u32 = 16;
 
-/// Paths from each point.
+/// Number of paths from each point.
 const PATHS: u32 = 4;
 
-/// Diffuse surfaces on a path.
+/// Largest number of diffuse surfaces on a path.
 const BOUNCES: u32 = 6;
 
-/// Albedo of every surface: materials matter little for a ratio.
+/// Albedo of every surface: materials hardly change the ratio of own light to all light.
 const ALBEDO: f64 = 0.5;
 
-/// Surfaces of glass that a segment passes straight on.
+/// Largest number of glass surfaces through which a segment passes straight.
 const PANES: u32 = 16;
 
-/// Share of the light above which surfaces of a radiance above 1, which a file has to ask for, are lamps.
+/// Share of the light above which surfaces of a radiance above 1, which a file must set explicitly, are lamps.
 const FAINT: f64 = 1e-4;
 
-/// The same of surfaces of a radiance of at most 1 and without a texture.
+/// [`FAINT`] for surfaces of a radiance of at most 1 and without a texture.
 const GLOW: f64 = 0.01;
 
-/// The same of textures of a radiance of at most 1: screens, dials and labels give up to 0.04 of the light on what is near.
+/// [`FAINT`] for textures of a radiance of at most 1: screens, dials and labels give up to 0.04 of the light nearby.
 const SCREEN: f64 = 0.25;
 
-/// Share of the points that lamps in the open reach, at least: the rear lamps of a car light little of it.
+/// Least share of the points that the lamps of an open scene light: the rear lamps of a car light few.
 const REACHED: f64 = 0.1;
 
-/// Share of what the camera sees that emits evenly, above which it is a picture by itself.
+/// Share of points that emit without a texture, above which the emission itself is the picture.
 const PICTURE: f64 = 0.5;
 
-/// Emitted radiance over the reflected one of the same surfaces from which what the camera sees is emission: less is a tint of what the
-/// surroundings light.
+/// Least ratio of emitted to reflected radiance at which emission is the picture: less is a tint of reflected light.
 const VISIBLE: f64 = 0.25;
 
 /// Light of a scene's surfaces and of surroundings, at the points that its camera sees.
@@ -46,13 +45,13 @@ pub struct Lighting {
     pub points: u32,
     /// Points among them at which light of the scene's own surfaces arrives.
     pub reached: u32,
-    /// Mean over the points of the radiosity by the scene's own surfaces, over π.
+    /// Mean over the points of the irradiance by the scene's own surfaces, over π.
     pub own: f64,
-    /// The same by the surroundings.
+    /// Mean over the points of the irradiance by the surroundings, over π.
     pub around: f64,
     /// Points that the camera sees and that emit, by a material without an emissive texture.
     pub emitting: u32,
-    /// Sum of the radiance that they emit, and of what they would reflect of the surroundings.
+    /// Sums over these points of the emitted radiance, and of the reflected radiance of the surroundings.
     pub emitted: f64,
     pub reflected: f64,
     /// Share of the light above which the scene's own surfaces are its lamps.
@@ -79,8 +78,8 @@ impl Lighting {
 }
 
 impl Scene {
-    /// Measures the light of the scene's own surfaces, which has no environment, beside that of `around`, from its first camera
-    /// or [`Scene::framing_camera`]. Paths are diffuse and pass glass straight.
+    /// Estimates the light of the own surfaces of a scene without environment, and that of `around`, at points seen by
+    /// its first camera or [`Scene::framing_camera`]. Paths scatter diffusely and pass straight through glass.
     pub(crate) fn lighting(&self, around: &Environment) -> Lighting {
         let camera =
             (self.parts.cameras.first().cloned()).unwrap_or_else(|| self.framing_camera(1.0));
@@ -106,7 +105,7 @@ impl Scene {
         light
     }
 
-    /// Adds the light at what the camera sees in a cell of the grid.
+    /// Adds the light at the point that the camera sees in a cell of the grid.
     fn light_at(&self, camera: &Camera, cell: UVec2, around: &Environment, light: &mut Lighting) {
         let film = (cell.as_vec2() + 0.5) / GRID as f32;
         let ray = camera.ray(film, camera.aspect.unwrap_or(1.0));
@@ -127,7 +126,7 @@ impl Scene {
         }
         if is_lamp {
             light.emitting += 1;
-            // By the largest channel: a blue surface may outshine what it reflects.
+            // Of the largest channel, since a blue surface of low luminance may emit more than it reflects.
             let albedo = self.bsdf(&mut first, 0.5).reflectance().max_element();
             light.emitted += f64::from(emitted.max_element());
             light.reflected += f64::from(albedo) * sums[1] / f64::from(PATHS);

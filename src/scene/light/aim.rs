@@ -1,14 +1,14 @@
-//! Targets at which emission samples are aimed: spheres around what throws caustics and around what the camera sees.
+//! Targets at which emission samples are aimed: spheres around casters of caustics and around what the camera sees.
 //!
-//! Uniformly started light paths hardly ever meet a glass in a wide field. A [`Beam`] sends a share of them through
+//! Light paths that start uniformly rarely hit a glass in a large scene. A [`Beam`] sends a share of them through
 //! spheres: p = u · p_uniform + Σ qₜ [the ray meets sphere t] / Aₜ, with Aₜ the sphere's cross section for light from
-//! infinity, and the solid angle of its cone for a lamp. The density of every ray is known in closed form, so that all
+//! infinity, or the solid angle of its cone for a lamp. The density of every ray is known in closed form, so that all
 //! MIS weights stay exact.
 
 use crate::math::{Frame, Ray, Vec2, Vec3, warp};
 use std::f32::consts::{PI, TAU};
 
-/// Least share of uniform emission: what no target covers has at most twice its variance.
+/// Least share of uniform emission: light that no target covers has at most twice the variance without aiming.
 pub(crate) const MIN_UNIFORM: f32 = 0.5;
 
 /// Relative rounding error of the distance of a ray from a centre, over the centre's distance from the ray's origin.
@@ -23,7 +23,7 @@ pub struct Target {
     pub radius: f32,
 }
 
-/// The way in which the emission samples of a light are aimed.
+/// Distribution of the aimed emission samples of a light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Beam {
     /// Share of uniform emission.
@@ -41,7 +41,7 @@ pub struct Aim {
 }
 
 impl Aim {
-    /// Beams, and which of them each light has: fewer than 256. A light whose beam is `None` emits uniformly.
+    /// Beams, fewer than 256, and the index of each light's beam. A light whose beam is `None` emits uniformly.
     pub fn new(beams: Vec<Option<Beam>>, of_light: Vec<u8>) -> Self {
         if beams.iter().all(Option::is_none) {
             return Self::default();
@@ -62,17 +62,17 @@ impl Aim {
     }
 }
 
-/// Start of light at finite distance.
+/// Starting point of emission at finite distance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Source {
     pub position: Vec3,
-    /// Normal of a surface that emits to its front alone.
+    /// Normal of a surface that emits only to its front; `None` for other lights.
     pub facing: Option<Vec3>,
 }
 
 impl Target {
-    /// True if the whole line of a ray passes through the sphere; rounding errors count as passing, so that no ray that was
-    /// drawn is found outside.
+    /// True if the infinite line of a ray passes through the sphere. A tolerance for rounding errors ensures that no
+    /// ray drawn through the sphere fails.
     #[inline]
     fn is_met(&self, ray: &Ray) -> bool {
         let to = self.centre - ray.origin;
@@ -87,7 +87,7 @@ impl Target {
         let to = self.centre - from.position;
         let sin2 = self.radius * self.radius / to.length_squared();
         let behind = |normal: Vec3| to.dot(normal) <= -self.radius;
-        // Not a number at the centre of a point.
+        // False also for the NaN of a point target at the source.
         let outside = sin2 < 0.999;
         if !outside || from.facing.is_some_and(behind) {
             return None;
@@ -107,7 +107,7 @@ impl Target {
         }
     }
 
-    /// Density per steradian of light from a source that is sent through the sphere; `None` where it cannot be sent.
+    /// Density per steradian of light from a source that is sent through the sphere; `None` if [`Target::width`] is.
     #[inline]
     pub(super) fn pdf_towards(&self, from: &Source, dir: Vec3) -> Option<f32> {
         let width = self.width(from)?;
@@ -168,7 +168,7 @@ impl Beam {
     }
 }
 
-/// The share that `pick` in [0, 1) chooses, `None` for the one called `uniform`; shares need not add up to 1.
+/// Index of the share that `pick` in [0, 1) chooses, `None` for the share `uniform`; shares need not add up to 1.
 fn chosen(shares: impl Iterator<Item = f32> + Clone, uniform: f32, pick: f64) -> Option<usize> {
     let total = f64::from(uniform) + shares.clone().map(f64::from).sum::<f64>();
     let mut rest = pick * total - f64::from(uniform);

@@ -19,8 +19,8 @@ fn emission_pdf(double_sided: bool, cos: f32) -> f32 {
     cos.abs() * FRAC_1_PI / sides
 }
 
-/// Power of a triangle that emits this radiance. Rounded to single precision where that can hold it: alias tables, and
-/// with them pictures, depend on the last digit.
+/// Power of a triangle that emits this radiance. Rounded to single precision unless it overflows there: alias tables,
+/// and so pictures, depend on the last digit.
 fn power(area: f32, radiance: f32, sides: f32) -> f64 {
     let rounded = PI * area * radiance * sides;
     if rounded.is_finite() {
@@ -29,7 +29,7 @@ fn power(area: f32, radiance: f32, sides: f32) -> f64 {
     f64::from(PI) * f64::from(area) * f64::from(radiance) * f64::from(sides)
 }
 
-/// Share of its radiance that a material sends along `dir`.
+/// Factor of a material's radiance along `dir`.
 #[inline]
 fn share(material: &Material, dir: Vec3) -> f32 {
     material.cone().map_or(1.0, |cone| cone.share(dir))
@@ -39,33 +39,33 @@ fn share(material: &Material, dir: Vec3) -> f32 {
 #[derive(Default)]
 pub(super) struct AreaLights {
     triangles: Vec<EmissiveTriangle>,
-    /// Emitted power of each of them (luminance).
+    /// Emitted power of each triangle (luminance).
     powers: Vec<f64>,
-    /// Texture coordinates of their corners.
+    /// Texture coordinates of the triangles' corners.
     uvs: Vec<[Vec2; 3]>,
     /// Density per area with which each triangle that is not shared is drawn by power, 0 for dark ones; empty without area
     /// lights.
     pdf_a: Vec<f32>,
-    /// Place in `triangles` of each triangle of the scene, where there are many lights or aimed ones.
+    /// Index in `triangles` of each triangle of the scene; set if there are many lights or aimed ones.
     places: OnceLock<Vec<u32>>,
     /// Tree over the emissive triangles alone, and their bounds.
     tree: Option<(Bounds, Accel)>,
     /// The scene's materials, in its order.
     materials: Vec<Material>,
-    /// True for each of them that emits: few, while the densities of all triangles may be far away in memory.
+    /// For each material, true if it emits: a short list, which stays in the cache unlike the densities.
     emits: Vec<bool>,
     textures: Vec<Texture>,
 }
 
-/// A triangle with all that drawing its points needs, unless its emission varies.
+/// A triangle with all data for sampling its points, unless its emission varies.
 struct EmissiveTriangle {
     corner: Vec3,
-    /// From there to the second and third corner.
+    /// From `corner` to the second and third corner.
     edges: [Vec3; 2],
     /// Unit normal, towards the front.
     normal: Vec3,
     area: f32,
-    /// Size of the coordinates along the normal, of which a point's rounding error is a part.
+    /// Magnitude of the coordinates along the normal, to which the rounding error of a point is proportional.
     reach: f32,
     /// Radiance where it does not vary.
     radiance: Rgb,
@@ -78,8 +78,8 @@ struct EmissiveTriangle {
     material: u32,
 }
 
-/// A ball and a box with emissive triangles inside, to refuse at once most rays that meet none: the ball those that pass far
-/// away, and the box, which is flat around a flat lamp, most of the others.
+/// Bounding sphere and box of the emissive triangles, which reject most rays that hit none: the sphere rejects rays
+/// that pass far away, the box, which is flat around a flat lamp, most others.
 struct Bounds {
     centre: Vec3,
     radius: f32,
@@ -97,7 +97,7 @@ impl Bounds {
         }
     }
 
-    /// False only if a ray passes by; rounding errors count as a meeting.
+    /// False only if a ray misses the bounds; rounding errors never cause it.
     #[inline]
     fn may_meet(&self, ray: &Ray) -> bool {
         self.may_meet_ball(ray) && self.may_meet_box(ray)
@@ -106,7 +106,7 @@ impl Bounds {
     #[inline]
     fn may_meet_ball(&self, ray: &Ray) -> bool {
         let to = self.centre - ray.origin;
-        // Of the squares below, and of the differences above.
+        // Rounding errors of the squares below, and of the differences above.
         let slack = 1e-5 * (to.length_squared() + self.centre.length_squared());
         let far = to.length_squared() - self.radius * self.radius - slack;
         let along = to.dot(ray.dir);
@@ -120,7 +120,7 @@ impl Bounds {
             (self.low - ray.origin) * inv,
             (self.high - ray.origin) * inv,
         );
-        // Three roundings and one to spare. NaN, of a ray in the plane of a side, is no bound.
+        // Margins for three roundings and one more. The NaN of a ray in the plane of a side must not reject it.
         let enter = a.min(b).max_element() * (1.0 - 2.0 * f32::EPSILON);
         let leave = a.max(b).min_element() * (1.0 + 2.0 * f32::EPSILON);
         !(enter > leave || leave < 0.0)
@@ -189,14 +189,14 @@ impl AreaLights {
         self.powers.clone()
     }
 
-    /// Takes over the probabilities with which the emissive triangles are drawn.
+    /// Sets the densities, given the probabilities with which the emissive triangles are drawn.
     pub(super) fn set_densities(&mut self, pmf: impl Fn(usize) -> f32) {
         for (k, t) in self.triangles.iter().enumerate() {
             self.pdf_a[t.triangle.index() as usize] = pmf(k) / t.area;
         }
     }
 
-    /// Bounds of the emissive triangles for a light tree, mesh by mesh, intensities in this unit.
+    /// Bounds of the emissive triangles for a light tree, grouped by mesh; intensities are multiplied by `unit`.
     pub(super) fn bounds(&self, geometry: &Geometry, unit: f64) -> Vec<Item> {
         let mut meshes: Vec<Item> = Vec::new();
         let mut last = None;
@@ -234,7 +234,7 @@ impl AreaLights {
         });
     }
 
-    /// Number of a triangle of the scene among the emissive ones; `None` for dark ones. Needs [`AreaLights::index`].
+    /// Index of a triangle of the scene among the emissive ones; `None` for others. Needs [`AreaLights::index`].
     #[inline]
     pub(super) fn place(&self, triangle: TriangleId) -> Option<usize> {
         let k = *self.places.get()?.get(triangle.index() as usize)?;
@@ -275,7 +275,7 @@ impl AreaLights {
             let material = &self.materials[light.material as usize];
             let [ua, ub, uc] = self.uvs[k];
             let uv = ua + weights.x * (ub - ua) + weights.y * (uc - ua);
-            // The shadow ray ends before the light: a hole in the light itself is counted here.
+            // The shadow ray ends before the light, whose own opacity is applied here.
             if material.alpha_mode == AlphaMode::Unseen {
                 density = LightDensity::Delta(pdf_w);
             }
@@ -284,7 +284,7 @@ impl AreaLights {
         } else {
             light.radiance
         };
-        // Four roundings of the point, two of the direction.
+        // Bound for four roundings of the point and two of the direction.
         let error = f32::EPSILON * (4.0 * light.reach + 2.0 * distance);
         (pdf_w.is_finite() && pdf_w > 0.0).then_some(LightSample {
             wi,
@@ -326,7 +326,7 @@ impl AreaLights {
         }
     }
 
-    /// Share of its radiance that a surface point sends along `dir`.
+    /// Factor of a surface point's radiance along `dir`.
     pub(super) fn share(&self, surface: &Surface, dir: Vec3) -> f32 {
         share(&self.materials[surface.material as usize], dir)
     }
@@ -339,7 +339,7 @@ impl AreaLights {
         (radiance * shining, material.double_sided)
     }
 
-    /// True if rays meet the surface of a light.
+    /// True if rays can hit the surface of a light.
     pub(super) fn is_seen(&self, surface: &Surface) -> bool {
         self.materials[surface.material as usize].alpha_mode != AlphaMode::Unseen
     }
@@ -357,8 +357,8 @@ impl AreaLights {
         })
     }
 
-    /// Density per steradian of uniform emission from the `k`-th emissive triangle along `dir`. `cos` is that of the emission
-    /// sample, 0 for a lamp that is not seen.
+    /// Density per steradian of uniform emission from the `k`-th emissive triangle along `dir`. `cos` is that of the
+    /// emission sample, 0 for an invisible lamp.
     pub(super) fn pdf_uniform(&self, k: usize, cos: f32, dir: Vec3) -> f32 {
         let triangle = &self.triangles[k];
         let cos = if cos > 0.0 {
@@ -369,7 +369,7 @@ impl AreaLights {
         emission_pdf(triangle.double_sided, cos)
     }
 
-    /// The same from the point of a light sample back along it, whose cosine it knows.
+    /// [`AreaLights::pdf_emission`] from the point of a light sample back along it, with the cosine of the sample.
     #[inline]
     pub(super) fn pdf_emission_to(
         &self,
@@ -433,7 +433,7 @@ mod tests {
             let v = |m: u32| Vec3::new(u(m), u(m.rotate_left(7) | 1), u(m.rotate_left(13) | 1));
             let size = 10f32.powf(6.0 * u(2_654_435_761));
             let (p, mut q) = (size * v(2_246_822_519), size * v(3_266_489_917));
-            // Every other one is as flat as a lamp.
+            // Every other box is flat, as around a lamp.
             let axis = k as usize / 2 % 3;
             if k % 2 == 0 {
                 q[axis] = p[axis];

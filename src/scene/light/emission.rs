@@ -1,7 +1,7 @@
-//! Light paths: rays on which the lights shine, each beside the densities it is drawn with.
+//! Emission sampling: rays that start light paths, with their densities.
 //!
-//! A light is drawn by power: no point that it lights is known yet. Its point and direction are drawn uniformly in its
-//! own measure, or aimed at targets (`aim`).
+//! A light is drawn by power, since the points that it will light are not known. Its point and direction are drawn
+//! uniformly in its own measure, or aimed at targets (`aim`).
 
 use super::aim::{Aim, Beam, Source, Target};
 use super::{LightSample, Lights, punctual};
@@ -22,7 +22,7 @@ pub struct EmissionDensity {
     pub infinite: bool,
 }
 
-/// A ray on which a light shines.
+/// A ray of emitted light, which starts a light path.
 #[derive(Clone, Copy, Debug)]
 pub struct EmissionSample {
     /// The ray, clear of the light's own surface.
@@ -31,7 +31,7 @@ pub struct EmissionSample {
     pub throughput: Rgb,
     /// Its densities.
     pub pdf: EmissionDensity,
-    /// Absolute cosine at the light's surface, 1 for the environment; 0 for lights that no ray can meet.
+    /// Absolute cosine at the light's surface, 1 for the environment; 0 for lights that no ray can hit.
     pub cos: f32,
     /// Cutoff distance of a point or spot light, infinity for none.
     pub range: f32,
@@ -72,7 +72,7 @@ impl Sphere {
         1.0 / (PI * self.radius * self.radius)
     }
 
-    /// A ray along `dir` from before the scene, through a point of the disk across it: a uniform one, or one of a target.
+    /// A ray along `dir` from outside the scene through a point of the disk across it, either uniform or of a target.
     pub(super) fn ray(&self, dir: Vec3, beam: Option<&Beam>, u: &EmissionU) -> Ray {
         if let Some(point) = beam.and_then(|beam| beam.point_across(dir, u.pick, u.point)) {
             let across = point - self.centre;
@@ -147,8 +147,8 @@ impl Lights {
         }
     }
 
-    /// Densities of an emission sample's ray, of the position across for light at infinity and of the direction otherwise: of
-    /// uniform emission, and of each target.
+    /// Densities of an emission sample's ray by uniform emission and by each target: per area across the ray for light
+    /// at infinity, per steradian otherwise.
     pub(crate) fn pdf_parts(&self, start: &EmissionSample, targets: &[Target]) -> (f32, Vec<f32>) {
         let k = start.light as usize;
         if start.pdf.infinite {
@@ -171,8 +171,8 @@ impl Lights {
         (uniform, targets.iter().map(part).collect())
     }
 
-    /// Groups of lights that may share a beam, at most `most` of at least 3: area lights by mesh, each light without area, the
-    /// environment. Group of each light.
+    /// For each light, its group of lights that may share a beam: area lights by mesh, each light without area, the
+    /// environment. There are at most `most` groups, which is at least 3.
     pub(crate) fn groups(&self, geometry: &Geometry, most: u8) -> Vec<u8> {
         let mut groups = Vec::with_capacity(self.len());
         let (mut group, mut last) = (0, None);
@@ -207,8 +207,8 @@ impl Lights {
 }
 
 impl Scene {
-    /// Draws a light by power, then a point of it and a direction, aimed or not. `None` where nothing shines: without lights, and
-    /// for a draw that carries no light.
+    /// Draws a light by power, then a point of it and a direction, aimed or not. `None` without lights, and for a draw
+    /// that carries no light.
     pub fn sample_emission(&self, aim: &Aim, u: EmissionU) -> Option<EmissionSample> {
         let lights = &self.lights;
         let (k, rest) = lights.choice.sample(u.pick)?;

@@ -3,8 +3,8 @@
 //! +Y is up. Looking along `dir`, column u = ½ + atan2(dir.x, −dir.z)/2π (so −Z is the middle of the picture, +X to its
 //! right) and row v = acos(dir.y)/π from the top, after a turn about +Y.
 //!
-//! Texels are looked up without interpolation, and a direction is drawn from its texel uniformly per steradian: the sampling
-//! density is then exactly proportional to what is seen, and a sun of a few texels at 1e5 adds no noise of its own.
+//! Texels are looked up without interpolation, and a direction is drawn from its texel uniformly per steradian: the
+//! sampling density is then exactly proportional to luminance, and a sun of a few texels at 1e5 adds no noise.
 
 use crate::files::{self, FileError, Problem};
 use crate::image::Buffer;
@@ -61,7 +61,7 @@ impl Environment {
 
     /// The sum of two environments, on the finer of their maps.
     pub fn plus(&self, other: &Self) -> Self {
-        /// Directions along a side of a texel: the texels of the other map need not be its parts.
+        /// Number of samples along a side of a texel, with which the texels of the other map need not align.
         const SAMPLES: usize = 3;
         let is_finer = self.map.pixels.len() >= other.map.pixels.len();
         let (fine, coarse) = if is_finer {
@@ -90,7 +90,7 @@ impl Environment {
 
     /// Loads an `.hdr` or `.exr` map, multiplied by `intensity`, turned by `rotation` radians about +Y.
     pub fn load(path: &Path, intensity: f32, rotation: f32) -> Result<Self, FileError> {
-        // A pipe is empty when it is read again, and waiting for its other end never ends.
+        // A pipe cannot be read twice, and opening one may block for ever.
         if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             let what = "not a plain file; maps are read more than once";
             return Err(FileError::content(path, what));
@@ -108,7 +108,7 @@ impl Environment {
         if map.pixels.is_empty() {
             return Err(FileError::content(path, "a map without texels"));
         }
-        // After the multiplication: a texel that overflows is as bad as an infinite one.
+        // Tested after the multiplication, which may overflow.
         let map = map.map(|p| p * intensity);
         let bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
         if let Some(i) = map.pixels.iter().position(bad) {
@@ -120,12 +120,12 @@ impl Environment {
         Ok(Self::from_map(map, rotation))
     }
 
-    /// Hands over the bytes of a map's file piece by piece, so that the hash of a scene includes its map.
+    /// Passes the bytes of a map's file to `take` piece by piece, so that the hash of a scene includes its map.
     pub fn bytes(path: &Path, take: impl FnMut(&[u8])) -> Result<(), FileError> {
         files::stream(path, MAX_BYTES, take)
     }
 
-    /// Bytes of the map and of what samples it.
+    /// Bytes of the map and of its distribution.
     pub fn bytes_in_memory(&self) -> u64 {
         // A colour, and a running sum.
         self.map.pixels.len() as u64 * 20
@@ -152,7 +152,7 @@ impl Environment {
     fn place(&self, dir: Vec3) -> Vec2 {
         let phi = dir.x.atan2(-dir.z) + self.rotation;
         let u = (0.5 + phi / TAU).rem_euclid(1.0);
-        // acos loses digits at the poles; the angle between two components does not.
+        // The arc tangent of two components keeps its digits at the poles, unlike acos.
         let theta = dir.x.hypot(dir.z).atan2(dir.y);
         Vec2::new(u, theta / PI)
     }
@@ -274,7 +274,7 @@ mod tests {
             }
             let sum: f64 = weights.iter().sum();
             assert!((sum - 1.0).abs() < 1e-5, "{w} {h}: {sum}");
-            // The lattice is evener than chance: the statistic stays far below its degrees of freedom.
+            // The lattice is more even than random numbers: the statistic stays far below its degrees of freedom.
             let statistic: f64 = counts
                 .iter()
                 .zip(&weights)

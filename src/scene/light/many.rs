@@ -1,4 +1,4 @@
-//! Choice among many lights, at a point: a light tree for those at finite distance, beside it those at infinity.
+//! Choice among many lights at a point: a light tree over those at finite distance, and a table of those at infinity.
 
 use super::area::AreaLights;
 use super::punctual::PunctualLight;
@@ -8,12 +8,12 @@ use crate::math::{Vec3, luminance};
 use crate::scene::Geometry;
 use std::f32::consts::PI;
 
-/// Lights at finite distance up to which power alone decides: so few cost nothing, and pictures of simple scenes do not
-/// depend on the tree.
+/// Largest number of lights at finite distance that are drawn by power alone: so few need no tree, and pictures of
+/// simple scenes do not depend on one.
 const FEW: usize = 8;
 
-/// Least and largest probability of the lights at infinity, if there are others: the tree does not know what a wall
-/// hides, such as the sun outside a room.
+/// Least and largest probability of the lights at infinity, if there are others: the bounds ignore occlusion, such as
+/// of the sun outside a room.
 const INFINITE: [f64; 2] = [0.1, 0.75];
 
 /// Distribution over the lights of a scene that depends on the point they light.
@@ -36,7 +36,7 @@ impl ManyLights {
         powers: &[f64],
         disk: f64,
     ) -> Option<Self> {
-        // Intensities are relative, so that they keep within single precision.
+        // Intensities are relative, so that they stay within the range of single precision.
         let unit = 1.0 / powers.iter().sum::<f64>();
         let mut meshes = area.bounds(geometry, unit);
         let mut infinite_lights = Vec::new();
@@ -70,7 +70,7 @@ impl ManyLights {
         }
         let tree = f64::from(self.tree.irradiance(from));
         let [least, most] = INFINITE;
-        // 0/0 is no number, and becomes the least.
+        // `max` replaces the NaN of 0/0 by the least.
         let share = f64::from(self.irradiance) / (f64::from(self.irradiance) + tree);
         share.max(least).min(most)
     }
@@ -103,7 +103,7 @@ impl ManyLights {
 }
 
 impl PunctualLight {
-    /// Bounds for the tree, intensities in this unit; `None` for a light at infinity.
+    /// Bounds for the tree, with intensities multiplied by `unit`; `None` for a light at infinity.
     fn bounds(&self, unit: f64) -> Option<LightBounds> {
         let at = |position: Vec3, axis, cos_facing, cos_emission, intensity| LightBounds {
             low: position,

@@ -1,8 +1,8 @@
-//! All lights of a scene: one of them is drawn, by power or if there are many with a light tree, then a point or a
-//! direction of it.
+//! All lights of a scene: one is drawn, by power or, if there are many, by a light tree; then a point or a direction of
+//! it.
 //!
 //! [`Lights`] owns copies of what it samples (emissive triangles, their materials, lights without area, the
-//! environment; texels and maps are shared), so that light sampling never asks the scene back.
+//! environment; texels and maps are shared), so that light sampling does not access the scene.
 
 pub(crate) mod aim;
 mod area;
@@ -54,13 +54,13 @@ pub struct LightSample {
 pub enum LightDensity {
     /// Density per steradian, for area lights and the environment.
     SolidAngle(f32),
-    /// For lights that no BSDF sample ever meets: the probability of the choice of one without area, the density per steradian
-    /// of one that is not seen.
+    /// For lights that no BSDF sample can hit: the probability of the choice of a light without area, or the density
+    /// per steradian of an invisible lamp.
     Delta(f32),
 }
 
 impl LightDensity {
-    /// The number that a sample's contribution is divided by: `pdf_w` or `pmf`.
+    /// The divisor of a sample's contribution: `pdf_w` or `pmf`.
     #[inline]
     pub fn value(self) -> f32 {
         match self {
@@ -69,14 +69,14 @@ impl LightDensity {
         }
     }
 
-    /// True for lights that no BSDF sample meets.
+    /// True for lights that no BSDF sample can hit.
     #[inline]
     pub fn is_delta(self) -> bool {
         matches!(self, Self::Delta(_))
     }
 
     /// MIS weight of the light sample against BSDF samples of density `pdf_w` per steradian (balance heuristic); 1 for
-    /// lights without area.
+    /// [`LightDensity::Delta`].
     #[inline]
     pub fn mis_weight(self, pdf_w: f32) -> f32 {
         match self {
@@ -86,13 +86,12 @@ impl LightDensity {
     }
 }
 
-/// A point of a light, or the direction of one at infinity, drawn for chains that end there.
+/// A point of a light, or the direction of a light at infinity, drawn as the end of manifold chains.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightEnd {
     light: usize,
     pmf: f32,
     at: Vec2,
-    /// Where it is.
     pub(crate) place: Place,
 }
 
@@ -101,7 +100,7 @@ pub(crate) struct LightEnd {
 pub(crate) enum Place {
     /// World position.
     Point(Vec3),
-    /// Unit direction towards it, from everywhere.
+    /// Unit direction towards a light at infinity.
     Direction(Vec3),
 }
 
@@ -171,7 +170,7 @@ impl Lights {
         }
     }
 
-    /// Prepares the densities of lights that are [aimed](Aim).
+    /// Builds the index that the densities of [aimed](Aim) lights need.
     pub fn index(&self) {
         self.area.index();
     }
@@ -268,12 +267,12 @@ impl Lights {
         })
     }
 
-    /// The light sample from `from` that ends there; `None` where it does not shine to. Visibility is not tested.
+    /// The light sample from `from` to this end; `None` if the light does not reach `from`. Visibility is not tested.
     pub(crate) fn sample_end(&self, from: Vec3, end: &LightEnd) -> Option<LightSample> {
         self.sample_one(end.light, end.pmf, from, end.at, 0.0)
     }
 
-    /// Radiance emitted by a surface point towards `wo` (world); zero for most surfaces and for unlit sides.
+    /// Radiance emitted by a surface point towards `wo` (world); zero for most surfaces and for sides that do not emit.
     #[inline]
     pub fn emitted(&self, surface: &Surface, wo: Vec3) -> Rgb {
         self.area.emitted(surface, wo)
@@ -285,7 +284,7 @@ impl Lights {
         AreaLights::pdf(self.pdf_a_emitter(from, surface), from, surface)
     }
 
-    /// The same density per area.
+    /// [`Lights::pdf_emitter`] per area.
     #[inline]
     pub(crate) fn pdf_a_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
         match &self.many {
@@ -323,12 +322,12 @@ impl Lights {
         }
     }
 
-    /// Probability of the same light by power alone, which no point enters: emission sampling chooses so.
+    /// Probability of this light by power alone, without a lit point, as emission sampling draws it.
     pub fn emission_pmf(&self, light: usize) -> f32 {
         self.choice.pmf(light)
     }
 
-    /// The closest emissive triangle along a ray, the rest of the scene left out: most rays meet none and are done.
+    /// The closest emissive triangle along a ray. Most rays hit none and need not traverse the rest of the scene.
     #[inline]
     pub(super) fn closest(&self, ray: &Ray) -> Option<Hit> {
         self.area.closest(ray)

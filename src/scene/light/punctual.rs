@@ -102,7 +102,6 @@ impl PunctualLight {
         }
     }
 
-    /// Where it is.
     pub(super) fn place(&self) -> Place {
         match *self {
             Self::Point { position, .. } | Self::Spot { position, .. } => Place::Point(position),
@@ -146,7 +145,7 @@ impl PunctualLight {
             radiance,
             density: LightDensity::Delta(pmf),
             cos: 1.0,
-            // At infinity the ray must not end before it.
+            // At infinity the shadow ray must not end.
             error: if distance.is_finite() {
                 2.0 * f32::EPSILON * distance
             } else {
@@ -157,8 +156,8 @@ impl PunctualLight {
         })
     }
 
-    /// Density with which an emission sample of this light has a ray on which the light shines: per steradian, or for a
-    /// light at infinity per area across.
+    /// Density with which an emission sample of this light draws a ray: per steradian, or for a light at infinity per
+    /// area across it.
     #[inline]
     pub(super) fn pdf_ray(&self, sphere: &Sphere, beam: Option<&Beam>, ray: &Ray) -> f32 {
         let uniform = match *self {
@@ -176,8 +175,8 @@ impl PunctualLight {
         beam.map_or(uniform, |beam| beam.pdf_towards(&source, ray.dir, uniform))
     }
 
-    /// A ray on which this light shines, and the densities it is drawn with; `pmf` is the probability with which the
-    /// light was chosen, `sphere` the sphere round the scene.
+    /// Draws a ray of this light, with its densities; `pmf` is the probability with which the light was chosen,
+    /// `sphere` the sphere round the scene.
     pub(super) fn emit(
         &self,
         pmf: f32,
@@ -255,7 +254,7 @@ impl PunctualLight {
     }
 }
 
-/// A direction from a point towards a target, where one is chosen.
+/// A direction from a point towards a target; `None` if uniform emission is chosen.
 fn aimed(beam: Option<&Beam>, position: Vec3, u: &EmissionU) -> Option<Vec3> {
     let source = Source {
         position,

@@ -1,7 +1,7 @@
-//! Environments that are made, not read: a studio for scenes that have no light, and a clear sky.
+//! Computed environments: a studio for scenes without light, and a clear sky.
 //!
-//! Both are maps, so that they are sampled, weighed and seen as maps from files are. Angles are in radians; azimuths turn about
-//! +Y from +Z, the side that glTF's fronts face, towards +X.
+//! Both are maps, so that they are sampled and looked up like maps from files. Angles are in radians; azimuths turn
+//! about +Y from +Z, the side that glTF's fronts face, towards +X.
 
 use crate::image::Buffer;
 use crate::math::DVec3;
@@ -50,8 +50,7 @@ fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// A rectangular panel far away: where it is, its half width and half height as tangents, and its radiance over that of the
-/// walls.
+/// A rectangular panel at infinity: its direction, its half width and half height as tangents, and its added radiance.
 struct Panel {
     azimuth: f64,
     elevation: f64,
@@ -107,7 +106,7 @@ impl Panel {
     }
 }
 
-/// Radiance of the studio's floor, as far away as it is seen.
+/// Radiance of the studio's lower half, a floor at infinity.
 const FLOOR: f64 = 0.32;
 
 /// Albedo of a floor that the studio lights to the radiance of its lower half: a disc of it has no visible rim.
@@ -240,13 +239,14 @@ impl Sky {
         })
     }
 
-    /// Radiance of the sky without its sun; the horizon's below.
+    /// Radiance of the sky without its sun; below the horizon that of the horizon.
     fn radiance(&self, dir: DVec3) -> DVec3 {
         let [luminance, x, y] = self.seen(dir.with_y(dir.y.max(0.0)).normalize());
         rec709(luminance.max(0.0) / UNIT, x, y).max(DVec3::ZERO)
     }
 
-    /// Irradiance of the sun on a plane that faces it: the air's Rayleigh scattering and its haze, after Ångström (ibid., A.1).
+    /// Irradiance of the sun on a plane that faces it, after Rayleigh scattering and haze by Ångström's law (ibid.,
+    /// A.1).
     fn sunlight(&self) -> DVec3 {
         let degrees = self.sun_angle().to_degrees();
         let mass = 1.0 / (self.sun_angle().cos() + 0.15 * (93.885 - degrees).powf(-1.253));
@@ -257,7 +257,6 @@ impl Sky {
         DVec3::new(r, g, b) * (SUN / UNIT)
     }
 
-    /// The map.
     pub(crate) fn map(&self) -> Buffer {
         self.turned(DMat3::IDENTITY, [1.0; 3])
     }
@@ -286,7 +285,7 @@ impl Sky {
     }
 }
 
-/// Adds a sun of this irradiance, which is exact whatever texels it meets.
+/// Adds a sun of exactly this irradiance in total, whichever texels it covers.
 fn add_sun(sky: &mut Buffer, sun: DVec3, irradiance: DVec3) {
     /// Points across a texel.
     const POINTS: u32 = 8;

@@ -1,11 +1,11 @@
-//! The light tree: a light is drawn by a bound of what it sends to a point, from its place, its distance and the way it
-//! faces `[ContyKulla18]`, `[PBRT4 §12.6.3]`.
+//! Light tree: a light is drawn by a bound of its irradiance at a point, from its distance, position and orientation
+//! `[ContyKulla18]`, `[PBRT4 §12.6.3]`.
 
 use crate::math::Vec3;
 use crate::math::discrete::ALMOST_ONE;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Bounds of some lights: place, directions, strength.
+/// Bounds of some lights: positions, directions, intensity.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightBounds {
     /// Corners of the box.
@@ -14,9 +14,9 @@ pub(super) struct LightBounds {
     /// Cone of the directions in which the lights face, and the cosine of its half angle.
     pub axis: Vec3,
     pub cos_facing: f32,
-    /// Cosine of the angle to its facing up to which a light shines.
+    /// Cosine of the largest angle between the facing of a light and its emission.
     pub cos_emission: f32,
-    /// True if a light shines to both sides.
+    /// True if a light emits to both sides.
     pub two_sided: bool,
     /// Sum of the radiant intensities (luminance) in the directions in which the lights face.
     pub intensity: f32,
@@ -44,11 +44,11 @@ struct Slot {
     child: u32,
 }
 
-/// Children of a node. A choice among eight at once looks three levels of a binary tree ahead, and is evaluated in
-/// vector registers.
+/// Children of a node. One choice among eight replaces three levels of a binary tree, and is evaluated in vector
+/// registers.
 const WIDTH: usize = 8;
 
-/// Bounds of the children of a node, number by number, and where they are.
+/// Bounds of the children of a node as one array per component, and the children.
 struct WideNode {
     x: Lanes,
     y: Lanes,
@@ -61,7 +61,7 @@ struct WideNode {
     cos_facing: Lanes,
     sin_facing: Lanes,
     cos_emission: Lanes,
-    /// 1 for children with a light that shines to both sides.
+    /// 1 for children with a light that emits to both sides.
     two_sided: Lanes,
     /// 0 for children that do not exist.
     intensity: Lanes,
@@ -99,9 +99,9 @@ const NONE: Slot = Slot {
     node: u32::MAX,
     child: 0,
 };
-/// Parts into which an extent is cut to find the best split.
+/// Number of parts of an extent between which the best split is searched.
 const BUCKETS: usize = 12;
-/// Lights from which the halves of a node are built in parallel.
+/// Least number of items for which the halves of a node are built in parallel.
 const PARALLEL: usize = 4096;
 /// Radians by which cones of facing are widened, so that rounding never excludes a light.
 const SLACK: f32 = 1e-3;
@@ -152,7 +152,7 @@ impl LightBounds {
         if self.cos_facing <= -1.0 || other.cos_facing <= -1.0 {
             return full;
         }
-        // Both sides of a light face somewhere: the nearer one counts.
+        // Lights that emit to both sides face two directions, of which the nearer counts.
         let flip = self.two_sided && other.two_sided && self.axis.dot(other.axis) < 0.0;
         let towards = if flip { -other.axis } else { other.axis };
         let (a, b) = (angle(self.cos_facing), angle(other.cos_facing));
@@ -178,7 +178,7 @@ impl LightBounds {
     }
 
     /// Cost of a cluster: intensity, spread of directions, size of the bounding sphere ([ContyKulla18] eq. 1, with the
-    /// squared diagonal for the area of the box, which vanishes for lights in a row).
+    /// squared diagonal in place of the area of the box, which vanishes for lights in a row).
     fn cost(&self) -> f32 {
         let facing = angle(self.cos_facing);
         let all = (facing + angle(self.cos_emission)).min(PI);
@@ -202,7 +202,7 @@ impl LightTree {
             (Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY)),
             |(low, high), item| (low.min(item.bounds.low), high.max(item.bounds.high)),
         );
-        // No light is nearer than a millionth of their extent: intensities over squared distances stay finite.
+        // Least distance, a millionth of the lights' extent: intensities over squared distances stay finite.
         let least = (1e-12 * low.distance_squared(high)).max(1e-30);
         let (binary, _) = built(&mut items, least);
         let mut tree = Self {
@@ -213,8 +213,8 @@ impl LightTree {
         tree
     }
 
-    /// Adds the node with the descendants of the binary node `root` that bound the least, and all nodes below it;
-    /// returns its index.
+    /// Adds a wide node for the binary node `root`, and all nodes below it; returns its index. The descendants with the
+    /// largest bounds are expanded first.
     fn collapse(&mut self, binary: &[Node], root: usize, parent: Slot) -> u32 {
         let mut children = vec![root];
         while children.len() < WIDTH {
@@ -311,7 +311,7 @@ impl LightTree {
         }
         let node = &self.nodes[slot.node as usize];
         let (weights, sum) = node.weights(from);
-        // From the root down, as a sample goes.
+        // Multiplied from the root down, in the order of [`LightTree::sample`].
         self.pmf_of(node.parent, from) * (f64::from(weights[slot.child as usize]) / sum)
     }
 
@@ -331,7 +331,7 @@ impl WideNode {
         if sum > 0.0 {
             return (importance, sum);
         }
-        // None can light the point, which the bounds of their parent did not say: the sample will be dark.
+        // No child can light the point although the parent's bound is positive: the sample carries no light.
         let sum = total(&self.intensity);
         if sum > 0.0 {
             return (self.intensity, sum);
@@ -399,7 +399,7 @@ fn less(sin_a: f32, cos_a: f32, sin_b: f32, cos_b: f32) -> (f32, f32) {
     (if none { 0.0 } else { sin }, if none { 1.0 } else { cos })
 }
 
-/// Nodes over the items and their bounds.
+/// Builds the binary nodes over the items, and returns their bounds too.
 fn built(items: &mut [Item], least: f32) -> (Vec<Node>, LightBounds) {
     if let [item] = items {
         if !item.members.is_empty() {

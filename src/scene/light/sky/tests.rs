@@ -63,7 +63,7 @@ fn sky_lights_the_ground_as_measured() {
     assert!((sun / of - 1.0).abs() < 0.03, "{sun} {of}");
 }
 
-/// The sun is where its angles say, also as the environment sees it; a low one is red, and haze whitens the sky.
+/// The sun is in the direction of its angles, also in the environment; a low sun is red, and haze whitens the sky.
 #[test]
 fn sun_is_where_its_angles_say() {
     for (elevation, azimuth) in [(5.0f32, 170.0f32), (40.0, -40.0), (89.0, 10.0)] {
@@ -98,7 +98,7 @@ fn studio_and_sky_are_finite_and_not_negative_and_the_studio_is_neutral() {
     }
     let studio = studio();
     assert!(studio.pixels.iter().all(|p| p.x == p.y && p.y == p.z));
-    // White paper that faces the key, and the floor's side.
+    // White paper that faces the key light, and that faces the floor.
     let lit = |n: DVec3| -> f64 {
         let share = |(i, p): (usize, &Rgb)| {
             let (x, y) = (i % studio.width, i / studio.width);
