@@ -25,7 +25,7 @@ struct Layout<'a> {
     kind: Type,
     normalised: bool,
     count: usize,
-    /// Bytes from the first element on, and the distance between elements.
+    /// Bytes from the first element on, and the stride between elements.
     base: Option<(&'a [u8], usize)>,
     /// Bytes of the indices and their type; bytes of the values.
     sparse: Option<(&'a [u8], ComponentType, &'a [u8])>,
@@ -104,7 +104,7 @@ impl Data<'_> {
         layout.numbers()
     }
 
-    /// Number of components of an accessor's vectors; 4 for what is no vector of 3.
+    /// Number of components of an accessor's vectors: 3 for VEC3, else 4.
     pub(super) fn components(&self, index: usize) -> Result<usize> {
         Ok(if self.layout(index)?.kind == Type::Vec3 {
             3
@@ -113,7 +113,7 @@ impl Data<'_> {
         })
     }
 
-    /// Matrices of floats, in columns.
+    /// Column-major matrices of floats.
     pub(super) fn matrices(&self, index: usize) -> Result<Vec<[f32; 16]>> {
         let layout = self.layout_of(index, Type::Mat4)?;
         match layout.component {
@@ -125,7 +125,7 @@ impl Data<'_> {
         }
     }
 
-    /// Numbers of joints, four a vertex.
+    /// Indices of joints, four per vertex.
     pub(super) fn joints(&self, index: usize) -> Result<Vec<[u32; 4]>> {
         let layout = self.layout_of(index, Type::Vec4)?;
         let component = layout.component;

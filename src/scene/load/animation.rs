@@ -9,7 +9,7 @@ use gltf::json::validation::Checked;
 use gltf::json::{Node, Root};
 use std::collections::HashSet;
 
-/// Most keyframes that are read: channels may share them, so that a small file can ask for any number.
+/// Largest number of keyframes read: channels may share them, so that a small file can request any number.
 const MAX_KEYS: usize = 1 << 26;
 
 /// An animation of a file.
@@ -19,11 +19,11 @@ pub struct Animation {
     pub name: String,
     /// Time of the last keyframe in seconds.
     pub seconds: f64,
-    /// True if it moves cameras alone: no mesh, skin or light.
+    /// True if it moves only cameras: no mesh, skin or light.
     pub of_cameras: bool,
 }
 
-/// True if neither the node nor one below it shows or lights anything. `seen` has the nodes above, so that a circle ends.
+/// True if neither the node nor one below it shows or lights anything. `seen` has the visited nodes, to end cycles.
 fn is_of_cameras(root: &Root, node: usize, seen: &mut HashSet<usize>) -> bool {
     let Some(found) = root.nodes.get(node).filter(|_| seen.insert(node)) else {
         return true;
@@ -35,7 +35,7 @@ fn is_of_cameras(root: &Root, node: usize, seen: &mut HashSet<usize>) -> bool {
     !shows && below.all(|child| is_of_cameras(root, child.value(), seen))
 }
 
-/// The animations of a file, as their accessors' bounds say.
+/// The animations of a file, with their lengths from the bounds of accessors.
 pub(super) fn list(root: &Root) -> Vec<Animation> {
     let last = |sampler: &Sampler| -> Option<f64> {
         let accessor = root.accessors.get(sampler.input.value())?;

@@ -7,21 +7,21 @@ use crate::scene::{Material, Mesh};
 /// Meaning of closed meshes that transmit without a thickness.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Glass {
-    /// Bodies, as the user says.
+    /// Bodies, by the user's choice.
     Solid,
-    /// Thin walls, as the user says.
+    /// Thin walls, by the user's choice.
     Thin,
     /// Bodies, since the file is Blender's.
     OfBlender,
-    /// Thin walls, as glTF says.
+    /// Thin walls, by the definition of glTF.
     Unknown,
 }
 
-/// Makes bodies of the closed meshes among those whose material transmits and says nothing of its thickness, or leaves them thin
-/// walls; warns of what the user did not say. `thickness_known` holds one entry per material of the file, the default material last.
+/// Makes solid bodies of closed meshes whose material transmits without a thickness, or thin walls; warns if this is
+/// not the user's choice. `thickness_known` has one entry per material of the file, the default material last.
 ///
-/// A material that open meshes have too stays theirs; the closed ones get a solid copy. Such bodies have the square root of the
-/// base colour for the tint of an interface: a wall tints light once, a body where it enters and where it leaves.
+/// If open meshes have the material too, the closed ones get a solid copy. The tint of each interface is the square
+/// root of the base colour: a wall tints light once, a body where light enters and where it leaves.
 pub(super) fn bodies(
     meshes: &mut [&mut Mesh],
     materials: &mut Vec<Material>,

@@ -1,10 +1,10 @@
-//! Decoders of compressed parts of glTF files. The library has none of its own.
+//! Decoders of compressed parts of glTF files. The library itself contains none.
 
 use super::error::Result;
 use gltf::json::{Buffer, Root};
 use std::borrow::Cow;
 
-/// The buffers of a file, in its order; a decoder appends those that it makes.
+/// The buffers of a file, in its order; decoders append decoded ones.
 pub type Buffers<'a> = Vec<Cow<'a, [u8]>>;
 
 /// The decoder of an extension.
@@ -19,7 +19,7 @@ pub struct Codec {
 /// The part of a file that an extension compresses. No bytes make a decoder panic or allocate without bound.
 #[derive(Clone, Copy, Debug)]
 pub enum Part {
-    /// Views, or primitives with their accessors: they are replaced by plain ones.
+    /// Buffer views, or primitives with their accessors; the decoder replaces them by uncompressed ones.
     Buffers(for<'a> fn(&mut Root, &mut Buffers<'a>) -> Result<()>),
     /// Images.
     Images(ImageCodec),
@@ -35,8 +35,8 @@ pub struct ImageCodec {
     pub texels: fn(&[u8], &str) -> Result<Vec<u8>>,
 }
 
-/// True for a buffer without bytes of its own, whose views the file has compressed by one of the extensions that it uses: it is
-/// marked as a fallback, or has neither a name nor a chunk.
+/// True for a buffer that is not read, since an extension that the file uses compresses its views: it is marked as a
+/// fallback, or has neither a URI nor a chunk.
 pub(super) fn is_placeholder(
     buffer: &Buffer,
     has_bytes: bool,

@@ -6,7 +6,7 @@ use super::nodes::PlacedNode;
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 use std::collections::HashMap;
 
-/// The matrices of joints, from mesh to world, for each skin of a file that is in use.
+/// For each skin, the matrices of its joints from mesh to world; `None` if it is unused or cannot be applied.
 pub(super) struct Skins(Vec<Option<Vec<DAffine3>>>);
 
 impl Skins {
@@ -65,7 +65,7 @@ impl Skins {
 /// Joints and weights of the vertices of a primitive, in sets of four.
 pub(super) type Influences = (Vec<[u32; 4]>, Vec<[f32; 4]>);
 
-/// The matrix of each of `count` vertices: the mean of those of its joints.
+/// The matrix of each of `count` vertices: the weighted mean of the matrices of its joints.
 pub(super) fn blended(
     joints: &[DAffine3],
     sets: &[Influences],

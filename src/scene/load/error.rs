@@ -41,7 +41,7 @@ pub(crate) fn place(list: &str, i: usize, name: Option<&String>) -> String {
     }
 }
 
-/// Warnings for the user, each said once; what is the same of many elements is one line.
+/// Warnings for the user without duplicates; the same warning about several elements is one line.
 #[derive(Debug, Default)]
 pub struct Warnings {
     lines: Vec<Line>,
@@ -51,11 +51,11 @@ pub struct Warnings {
 #[derive(Debug)]
 enum Line {
     Plain(String),
-    /// Names of the elements of this kind, and what is the matter with them.
+    /// Kind and names of elements, and their common problem.
     Group(&'static str, Vec<String>, String),
 }
 
-/// Names that a line lists.
+/// Number of names that a line lists.
 const NAMES: usize = 3;
 
 impl Warnings {
@@ -67,7 +67,7 @@ impl Warnings {
         }
     }
 
-    /// Warns of one element of a kind, in the plural such as `materials`: elements with the same trouble share a line.
+    /// Warns of an element of a kind, a plural such as `materials`: elements with the same problem share a line.
     pub fn group(&mut self, kind: &'static str, name: impl Into<String>, what: &str) {
         let name = name.into();
         if !self.said.insert(format!("{kind} {name} {what}")) {

@@ -1,4 +1,4 @@
-//! The extensions that this loader implements, and what to do about those that it does not.
+//! The extensions that this loader implements, and the treatment of all others.
 
 /// The extensions that this loader implements; `docs/gltf.md` says how far.
 pub const SUPPORTED: [&str; 20] = [
@@ -24,8 +24,8 @@ pub const SUPPORTED: [&str; 20] = [
     "KHR_texture_transform",
 ];
 
-/// True for an extension without which a file is still a likeness, even if the file requires it: looks of surfaces, descriptions,
-/// and animations of what else.
+/// True for an extension without which a picture is still similar, even if the file requires it: appearance of
+/// surfaces, metadata, visibility of nodes and animations of other properties.
 pub(super) fn is_dispensable(name: &str) -> bool {
     let looks = name.starts_with("KHR_materials_") || name.starts_with("KHR_xmp");
     looks || name == "KHR_animation_pointer" || name == "KHR_node_visibility"

@@ -1,4 +1,4 @@
-//! Lamps of modelling programs as surfaces: what a material's `extras` say of them.
+//! Lamps of modelling programs as surfaces, described by the `extras` of a material.
 
 use super::error::Warnings;
 use crate::math::Vec3;
@@ -28,7 +28,7 @@ struct ConeExtras {
     cos_outer: f32,
 }
 
-/// The property `lamp` of a material's `extras`; one that cannot be is ignored with a warning.
+/// The property `lamp` of a material's `extras`; an invalid one is ignored with a warning.
 pub(super) fn lamp(material: &Material, at: &str, warnings: &mut Warnings) -> Option<Lamp> {
     let extras: Extras = json::deserialize::from_str(material.extras.as_ref()?.get()).ok()?;
     let read = json::deserialize::from_value::<LampExtras>(extras.lamp?);
@@ -42,7 +42,7 @@ fn checked(read: LampExtras) -> Result<Lamp, String> {
         let direction = Vec3::from(cone.direction).try_normalize();
         let direction = direction.ok_or("cone.direction has no length")?;
         let [outer, inner] = [cone.cos_outer, cone.cos_inner];
-        // Not a number is in no range.
+        // False also for NaN.
         let ordered = (-1.0..inner).contains(&outer) && inner <= 1.0;
         if !ordered {
             return Err("cosOuter and cosInner are not -1 ≤ cosOuter < cosInner ≤ 1");

@@ -101,11 +101,11 @@ struct LensExtras {
     focus_distance: Option<f32>,
 }
 
-/// Half the height of the film that an f-number without a focal length is taken for, in millimetres.
+/// Half the height in millimetres of the film assumed for an f-number without a focal length.
 const HALF_FILM: f32 = 12.0;
 
-/// The lens of a camera: radius f/(2 N) by focal length and f-number, with the metres of glTF as world units, or as it is
-/// given. Without a focal length it is that of a film 24 mm high.
+/// The lens of a camera, of the given radius or of radius f/(2 N) by focal length and f-number, with metres as world
+/// units. Without a focal length, the film is taken to be 24 mm high.
 fn lens(camera: &gltf::json::Camera, at: &str, warnings: &mut Warnings) -> Option<Lens> {
     let extras = camera.extras.as_ref()?;
     let extras: LensExtras = gltf::json::deserialize::from_str(extras.get()).unwrap_or_default();

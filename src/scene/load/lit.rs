@@ -1,16 +1,16 @@
-//! Finds out if a file has a light of its own. Most models have none: viewers add one.
+//! Decides if a file contains light. Most models contain none, and viewers add it.
 
 use crate::math::Rgb;
 use crate::scene::{Material, Mesh, SceneParts};
 
-/// Light that a file brings.
+/// Light that a file contains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileLight {
-    /// None. Unlit materials are pictures, not lamps.
+    /// None; `KHR_materials_unlit` does not count.
     None,
-    /// Surfaces that emit: lamps or decoration. The light that they bring to the scene decides (`Scene::lighting`).
+    /// Surfaces that emit: lamps or decoration, depending on the light at other surfaces (`Scene::lighting`).
     Surfaces,
-    /// Lamps that someone has put there, or surroundings.
+    /// Lights without area, or an environment.
     Lamps,
 }
 

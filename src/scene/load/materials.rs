@@ -17,13 +17,13 @@ use gltf::json::validation::Checked;
 use gltf::json::{self, Root};
 use serde::Deserialize;
 
-/// Emitted radiance whose square still fits into single precision, in which pictures keep their variance.
+/// Emitted radiance whose square still fits into single precision, in which pictures store variances.
 const LARGEST_EMISSION: f32 = 1e19;
 
-/// Share of the extinction that is scattered in a medium of this mean cosine g, from the colour of light that was scattered many
-/// times (Kulla, Conty: *Revisiting Physically Based Shading at Imageworks*, SIGGRAPH 2017 courses).
+/// Single-scattering albedo of a medium of mean cosine g, from its multiple-scattering colour (Kulla, Conty:
+/// *Revisiting Physically Based Shading at Imageworks*, SIGGRAPH 2017 courses).
 fn single_albedo(many: f32, g: f32) -> f32 {
-    // Rounding must not scatter.
+    // Rounding must not make black scatter.
     if many <= 0.0 {
         return 0.0;
     }
@@ -70,8 +70,8 @@ pub(super) fn materials(
     Ok((materials, slots))
 }
 
-/// The set of texture coordinates that light sampling and opacity take: the emissive texture's, else the base colour's. A second
-/// one is for other textures.
+/// The first set of texture coordinates, which light sampling and opacity use: the emissive texture's, else the base
+/// colour's.
 fn main_set(m: &json::Material) -> Option<u32> {
     let emits = m.emissive_factor.0 != [0.0; 3];
     let unlit = (m.extensions.as_ref()).is_some_and(|e| e.unlit.is_some());
@@ -85,7 +85,7 @@ fn main_set(m: &json::Material) -> Option<u32> {
     )
 }
 
-/// `KHR_materials_sheen`, which the crate does not type.
+/// `KHR_materials_sheen`, for which the crate gltf has no type.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct SheenExtension {
@@ -99,7 +99,7 @@ struct SheenExtension {
     roughness_texture: Option<Info>,
 }
 
-/// `KHR_materials_diffuse_transmission`, which the crate does not type.
+/// `KHR_materials_diffuse_transmission`, for which the crate gltf has no type.
 #[derive(Deserialize)]
 #[serde(default)]
 struct TranslucencyExtension {
@@ -124,7 +124,7 @@ impl Default for TranslucencyExtension {
     }
 }
 
-/// `KHR_materials_iridescence`, which the crate does not type.
+/// `KHR_materials_iridescence`, for which the crate gltf has no type.
 #[derive(Deserialize)]
 #[serde(default)]
 struct IridescenceExtension {
@@ -155,7 +155,7 @@ impl Default for IridescenceExtension {
     }
 }
 
-/// `KHR_materials_volume_scatter`, a draft, which the crate does not type.
+/// `KHR_materials_volume_scatter`, a draft, for which the crate gltf has no type.
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 struct ScatterExtension {
@@ -163,7 +163,7 @@ struct ScatterExtension {
     scatter_anisotropy: f32,
 }
 
-/// `KHR_materials_pbrSpecularGlossiness`, archived, which the crate types only without textures' transforms.
+/// `KHR_materials_pbrSpecularGlossiness`, archived, whose type in the crate gltf has no texture transforms.
 #[derive(Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 struct GlossinessExtension {
@@ -186,7 +186,7 @@ impl Default for GlossinessExtension {
     }
 }
 
-/// `KHR_materials_clearcoat`, which the crate does not type.
+/// `KHR_materials_clearcoat`, for which the crate gltf has no type.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct ClearcoatExtension {
@@ -202,7 +202,7 @@ struct ClearcoatExtension {
     normal_texture: Option<json::material::NormalTexture>,
 }
 
-/// `KHR_materials_anisotropy`, which the crate does not type.
+/// `KHR_materials_anisotropy`, for which the crate gltf has no type.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct AnisotropyExtension {
@@ -220,7 +220,7 @@ struct Reader<'a> {
     at: String,
     requests: &'a mut Requests,
     warnings: &'a mut Warnings,
-    /// Texture coordinate sets of the textures; our meshes have two.
+    /// Texture coordinate sets of the textures, at most two.
     uv_sets: [Option<u32>; 2],
 }
 
@@ -240,7 +240,7 @@ impl Reader<'_> {
             opacity: self.fraction("baseColorFactor", opacity)?,
             alpha_mode: self.alpha_mode(m)?,
             metallic: self.fraction("metallicFactor", pbr.metallic_factor.0)?,
-            // The file's roughness is perceptual [glTF §3.9.2]: this is the only place that knows.
+            // The file's roughness is perceptual [glTF §3.9.2].
             alpha: roughness * roughness,
             emission: self.colour("emissiveFactor", m.emissive_factor.0)?,
             double_sided: m.double_sided,
@@ -422,7 +422,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A body that scatters: its attenuation is the extinction then [KHR_materials_volume_scatter].
+    /// Reads a scattering body, whose attenuation is its extinction [KHR_materials_volume_scatter].
     fn scatter(&mut self, value: &json::Value, out: &mut Material) -> Result<()> {
         let read: ScatterExtension = self.untyped("KHR_materials_volume_scatter", value)?;
         let colour = self.colour("multiscatterColor", read.multiscatter_color)?;
@@ -526,7 +526,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// An extension that the crate does not type.
+    /// Parses an extension for which the crate gltf has no type.
     fn untyped<T: serde::de::DeserializeOwned>(
         &self,
         name: &str,
@@ -624,7 +624,7 @@ impl Reader<'_> {
         name: &str,
         normal: &json::material::NormalTexture,
     ) -> Result<(TextureRef, f32)> {
-        // The crate does not type this one use of the extension.
+        // The crate gltf has no type for this use of the extension.
         let value =
             (normal.extensions.as_ref()).and_then(|e| e.others.get("KHR_texture_transform"));
         let transform = value

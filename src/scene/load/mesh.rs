@@ -18,7 +18,7 @@ use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use std::collections::{HashMap, HashSet};
 
-/// Parts of a material on which meshes depend.
+/// Properties of a material on which meshes depend.
 #[derive(Clone, Copy)]
 pub(super) struct Slot {
     /// Index into `SceneParts::materials`.
@@ -33,7 +33,7 @@ pub(super) struct Slot {
     pub(super) brushed: bool,
 }
 
-/// Materials as meshes see them.
+/// Materials of primitives.
 pub(super) struct Looks<'a> {
     /// One entry per material of the file and, last, the default material's.
     pub(super) slots: &'a [Slot],
@@ -66,8 +66,8 @@ struct Instance<'a> {
 }
 
 impl Instance<'_> {
-    /// True if the mesh may be shared with other instances: nothing deforms it, light sampling need not know its triangles
-    /// in the world, and its pose is no degenerate one.
+    /// True if the mesh may be shared with other instances: nothing deforms it, it does not emit, and its pose is not
+    /// degenerate.
     fn may_share(&self) -> bool {
         let morphs = self.primitive.targets.is_some() && self.weights.iter().any(|&w| w != 0.0);
         let deformed = self.joints.is_some() || morphs;
@@ -155,8 +155,8 @@ pub(super) fn meshes(
     Ok((meshes, shares))
 }
 
-/// The primitives that instances share. All that are shown more than once are, except the smallest, if copies of them would
-/// take much memory; else none.
+/// The primitives that instances share: all that are shown more than once and are not small, if copies would take more
+/// than [`MAX_COPIES`] bytes; else none.
 fn shared(data: &Data<'_>, instances: &[Instance<'_>]) -> HashSet<(usize, usize)> {
     let mut uses: HashMap<_, u64> = HashMap::new();
     let mut copies = 0u64;
@@ -178,7 +178,7 @@ fn shared(data: &Data<'_>, instances: &[Instance<'_>]) -> HashSet<(usize, usize)
     shared.map(|(source, _)| source).collect()
 }
 
-/// Refuses what is too large, or needs more memory than there is.
+/// Fails if the scene has too many elements or needs more memory than is available.
 fn check(
     data: &Data<'_>,
     instances: &[Instance<'_>],
@@ -460,7 +460,7 @@ fn morph(
     Ok(())
 }
 
-/// The pose of each vertex of a skinned mesh; none for a rigid one.
+/// The pose of each vertex of a skinned mesh; empty for a rigid one.
 fn skinned(
     data: &Data<'_>,
     instance: &Instance<'_>,
@@ -557,7 +557,7 @@ fn faces(
     place: &str,
     warnings: &mut Warnings,
 ) -> Vec<[u32; 3]> {
-    // Degenerate triangles stitch strips.
+    // Degenerate triangles only join parts of a strip.
     let spans = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
     match mode {
         Checked::Valid(Mode::TriangleStrip) => (corners.windows(3).enumerate())

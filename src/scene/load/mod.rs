@@ -1,9 +1,8 @@
-//! Loads glTF files (`.gltf`, `.glb`) into scene parts, and those of other formats by a [`Reader`]. The only user of the crate
-//! gltf, and the only place that knows perceptual roughness.
+//! Loads glTF files (`.gltf`, `.glb`) into scene parts, and files of other formats by a [`Reader`].
 //!
-//! The crate parses the JSON and checks indices; lengths, types and numbers are checked here, before anything is read or
-//! allocated by them. Meshes come out in world space, one per primitive and instance, or shared by the instances where copies
-//! would take much memory; materials keep their order.
+//! The crate parses the JSON and checks indices; lengths, types and numbers are checked here, before reads or
+//! allocations depend on them. Meshes come out in world space, one per primitive and instance, or shared by the
+//! instances where copies would take much memory; materials keep their order.
 
 mod accessors;
 mod animation;
@@ -43,25 +42,25 @@ use uris::{Container, Files};
 /// Choices that a file does not contain.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
-    /// Slope distribution of all glossy lobes; without one Beckmann's, and where a file says it the file's own.
+    /// Slope distribution of all glossy lobes; `None` for that of the file or, if it gives none, Beckmann's.
     pub distribution: Option<Distribution>,
-    /// Closed meshes that transmit without a thickness are solid bodies if true, and thin walls if false. Without a choice they are
-    /// bodies in files that Blender's exporter wrote: what it exports is glass as Cycles shows it (`docs/lab/models.md`).
+    /// Closed meshes that transmit without a thickness are solid bodies if true, and thin walls if false. `None` makes
+    /// bodies of them in files of Blender's exporter, which exports glass as Cycles shows it (`docs/lab/models.md`).
     pub solid_glass: Option<bool>,
-    /// Moment of the animations, in seconds; without one the scene is shown at rest.
+    /// Moment of the animations, in seconds; `None` for the scene at rest.
     pub time: Option<f64>,
-    /// Parts of pbrt and Mitsuba scenes that are not supported.
+    /// Treatment of unsupported parts of pbrt and Mitsuba scenes.
     pub unsupported: Unsupported,
-    /// Variant of the materials by name, or by number from 0; without one those that the file shows first.
+    /// Variant of the materials by name, or by number from 0; `None` for the default materials.
     pub variant: Option<String>,
     /// Formats that the library itself does not read.
     pub formats: Formats,
 }
 
-/// Formats that a program adds.
+/// Formats that a program adds to the library.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Formats {
-    /// Readers of files that are not glTF's.
+    /// Readers of files that are not glTF.
     pub readers: &'static [Reader],
     /// Decoders of compressed glTF files, in the order in which they run.
     pub codecs: &'static [Codec],
@@ -84,7 +83,7 @@ pub enum Unsupported {
 /// A reader of another format.
 #[derive(Clone, Copy, Debug)]
 pub struct Reader {
-    /// True for files of the format, by their names.
+    /// True for the path of a file of the format.
     pub knows: fn(&Path) -> bool,
     /// Reads a scene from the path and the bytes of its file. No file makes it panic or allocate without bound.
     pub read: fn(&Path, &[u8], &LoadOptions) -> std::result::Result<Loaded, FileError>,
@@ -97,9 +96,9 @@ pub struct Loaded {
     pub parts: SceneParts,
     /// Animations of the file.
     pub animations: Vec<Animation>,
-    /// Light that the file brings.
+    /// Light that the file contains.
     pub light: FileLight,
-    /// Meshes and materials at rest, of a file that may need a studio, at a moment of animations that move more than cameras.
+    /// Meshes and materials at rest, if the file may need a studio and animations move more than cameras at `time`.
     pub rest: Option<SceneParts>,
     /// Names of the variants of the materials.
     pub variants: Vec<String>,
@@ -145,7 +144,7 @@ fn cameras(
     lights::cameras(&root, &nodes::placed(&root, &nodes)?, &mut warnings)
 }
 
-/// The JSON of a file, checked, and its buffers, with what `codecs` decode in place of compressed parts.
+/// The checked JSON of a file, and its buffers; compressed parts are replaced by those that `codecs` decode.
 fn parsed<'a>(
     bytes: &'a [u8],
     codecs: &[Codec],
@@ -258,7 +257,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     })
 }
 
-/// Says where a file's animations and the moment that is asked for do not fit.
+/// Warns if the animations of a file and the requested moment do not fit.
 fn warn_of_time(root: &Root, time: Option<f64>, warnings: &mut Warnings) {
     match (root.animations.len(), time) {
         (1.., None) => warnings.say("animations: the scene is shown at rest; --at shows a moment"),
@@ -268,7 +267,7 @@ fn warn_of_time(root: &Root, time: Option<f64>, warnings: &mut Warnings) {
     }
 }
 
-/// Tells the materials of meshes with vertex colours so.
+/// Marks the materials of meshes with vertex colours.
 fn paint<'a>(
     meshes: impl Iterator<Item = &'a Mesh>,
     materials: &mut [Material],
@@ -285,7 +284,7 @@ fn paint<'a>(
     }
 }
 
-/// Meaning of closed glass without a thickness in this file.
+/// Treatment of closed glass without a thickness in this file.
 fn glass(root: &Root, options: &LoadOptions) -> closed::Glass {
     let generator = root.asset.generator.as_deref().unwrap_or_default();
     match options.solid_glass {
@@ -317,7 +316,7 @@ struct Head {
     nodes: Vec<IgnoredAny>,
 }
 
-/// The parts of a mesh whose unknown words [`Root`] does not keep.
+/// The parts of a mesh whose unknown keys [`Root`] drops.
 #[derive(serde::Deserialize)]
 #[serde(expecting = "struct Mesh")]
 struct HeadMesh {
@@ -334,7 +333,7 @@ struct HeadPrimitive {
 }
 
 impl Head {
-    /// Names attributes that morph targets move and that are not read.
+    /// Warns of attributes of morph targets that are not read.
     fn warn_of_targets(&self, warnings: &mut Warnings) {
         for (i, mesh) in self.meshes.iter().enumerate() {
             let names =
@@ -348,7 +347,7 @@ impl Head {
         }
     }
 
-    /// Two bytes of a list, `{}`, become up to a kilobyte of memory: no list may be longer than any real one.
+    /// Limits the length of lists, of which an element of two bytes, `{}`, may take a kilobyte of memory.
     fn check_lists(&self) -> Result<()> {
         let lists = [
             ("accessors", self.accessors.len(), 1 << 20),
@@ -446,7 +445,7 @@ fn validate(root: &Root) -> Result<()> {
     }
 }
 
-/// The bytes of all buffers; none of placeholders, whose views one of the extensions that are used compresses.
+/// The bytes of all buffers; empty for placeholders, whose views a used extension compresses.
 fn buffers<'a>(
     root: &Root,
     binary: Option<&'a [u8]>,

@@ -7,7 +7,7 @@ use gltf::json::{Node, Root};
 /// A node of the scene with its pose in the world.
 pub(super) struct PlacedNode<'a> {
     pub(super) node: &'a Node,
-    /// Its number in the file.
+    /// Its index in the file.
     pub(super) index: usize,
     pub(super) pose: DAffine3,
     /// Place in the file, for messages.

@@ -17,10 +17,10 @@ use std::collections::{BTreeMap, HashMap};
 use std::io::Cursor;
 use std::sync::Arc;
 
-/// Most texels that a byte of a file can hold: of a PNG of one bit a texel, squeezed to a thousandth, there are eight thousand.
+/// Bound on the texels per byte of a file: a PNG of one bit per texel, compressed to a thousandth, has eight thousand.
 const TEXELS_PER_BYTE: u64 = 1 << 14;
 
-/// Images that are in memory as files at a time, of which each thread decodes one.
+/// Number of encoded images in memory at a time, each decoded by one thread.
 const BATCH: usize = 8;
 
 /// Identity of a texture: uses with equal keys share one.
@@ -32,7 +32,7 @@ struct Key {
     nearest: bool,
 }
 
-/// The textures that materials ask for.
+/// The textures that materials request.
 pub(super) struct Requests {
     codecs: &'static [Codec],
     known: HashMap<Key, u32>,
@@ -41,7 +41,7 @@ pub(super) struct Requests {
 }
 
 impl Requests {
-    /// No requests yet, of images that the library reads or `codecs` decode.
+    /// No requests yet; `codecs` decode images of further formats.
     pub(super) fn new(codecs: &'static [Codec]) -> Self {
         Self {
             codecs,
@@ -134,7 +134,7 @@ fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
     }
 }
 
-/// An image as its file has it.
+/// An encoded image.
 pub struct Source<'a> {
     at: String,
     bytes: Cow<'a, [u8]>,
@@ -145,12 +145,12 @@ pub struct Source<'a> {
 #[derive(Clone, Copy)]
 enum Format {
     Plain(ImageFormat),
-    /// One that a codec decodes, and the size in texels.
+    /// The codec that decodes it, and the size in texels.
     Coded(ImageCodec, [u32; 2]),
 }
 
 impl<'a> Source<'a> {
-    /// The bytes decide the format, not the MIME type.
+    /// Reads an image, whose bytes decide the format, not the MIME type.
     fn read(data: &'a Data<'_>, index: usize, codecs: &[Codec], files: &mut Files) -> Result<Self> {
         let image = &data.root.images[index];
         let at = place("images", index, image.name.as_ref());
@@ -173,7 +173,7 @@ impl<'a> Source<'a> {
         )
     }
 
-    /// The bytes of an image in one of these formats; the bytes decide which. TGA has no mark of its own: there the name does.
+    /// An image in one of these formats, which its bytes decide or, for TGA, its name. Fails for other formats.
     pub fn new(at: String, bytes: Cow<'a, [u8]>, formats: &[ImageFormat]) -> Result<Self> {
         let named = at.to_ascii_lowercase().ends_with(".tga");
         let named = named.then_some(ImageFormat::Tga);
@@ -194,16 +194,16 @@ impl<'a> Source<'a> {
     fn decoder(&self, format: ImageFormat) -> Result<impl ImageDecoder + '_> {
         let mut reader = ImageReader::new(Cursor::new(&self.bytes[..]));
         reader.set_format(format);
-        // What there is memory for was asked before.
+        // [`Source::bytes_needed`] has been checked against the available memory.
         reader.no_limits();
         reader.into_decoder().map_err(|e| self.bad(e))
     }
 
-    /// Bytes of the image in memory, with a third for its coarser images. A few bytes of a file can ask for any number.
+    /// Bytes of the decoded image with its mip levels. Fails for more texels than its encoded bytes can contain.
     pub fn bytes_needed(&self) -> Result<u64> {
         let format = match self.format {
             Format::Plain(format) => format,
-            // A copy of the texels lives while they are decoded.
+            // A copy of the texels exists while they are decoded.
             Format::Coded(_, size) => {
                 let [width, height] = size.map(u64::from);
                 return Ok((9 * width).saturating_mul(height));
@@ -213,7 +213,7 @@ impl<'a> Source<'a> {
         let (width, height) = decoder.dimensions();
         let texels = u64::from(width) * u64::from(height);
         let most = TEXELS_PER_BYTE.saturating_mul(self.bytes.len() as u64);
-        // Any number of texels of one colour is a few bytes of WebP, which has 14 bits a side.
+        // WebP stores any number of texels of one colour in a few bytes, but at most 2^14 texels a side.
         if texels == 0 || (texels > most && format != ImageFormat::WebP) {
             let what = format!("{width} x {height} texels are none or too many for its bytes");
             return Err(fault(&self.at, what));

@@ -188,7 +188,7 @@ fn inside(name: &str, place: &str) -> Result<PathBuf> {
 }
 
 fn percent_decoded(uri: &str, place: &str) -> Result<String> {
-    // A bare `%` says that the name was not encoded, as some exporters leave it.
+    // A bare `%` means that the exporter did not encode the name.
     let Ok(bytes) = percent_bytes(uri, place) else {
         return Ok(uri.to_owned());
     };

@@ -15,7 +15,7 @@ pub(super) fn names(root: &Root) -> Vec<String> {
     all.iter().map(|v| name(v).unwrap_or_default()).collect()
 }
 
-/// Number of the variant with this name, or of this number; none if none is asked for.
+/// Index of the variant with this name, or else of this number; `None` for the default materials.
 pub(super) fn chosen(root: &Root, wanted: Option<&str>) -> Result<Option<u64>> {
     let Some(wanted) = wanted else {
         return Ok(None);
