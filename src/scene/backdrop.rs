@@ -22,7 +22,7 @@ pub(crate) enum Backdrop {
 }
 
 impl Backdrop {
-    /// The one of a name, `studio`, `sky` or `none`, or else the map of a file; without a word [`Backdrop::Auto`].
+    /// The backdrop named `studio`, `sky` or `none`, or else the map in the file `word`; [`Backdrop::Auto`] for `None`.
     pub(crate) fn named(word: Option<&Path>, sky: Sky) -> Self {
         let Some(word) = word else {
             return Self::Auto;
@@ -43,8 +43,8 @@ impl Backdrop {
         }
     }
 
-    /// Surroundings of a scene, which is `lit` or not, of this intensity and turned by `rotation` radians; hands over bytes
-    /// that name them, for a hash. `None` for nothing.
+    /// The environment, scaled by `intensity` and turned by `rotation` radians; `lit` says if the scene has other
+    /// light. Passes bytes that identify the environment to `take`, for a hash. `None` without surroundings.
     pub(crate) fn environment(
         &self,
         lit: bool,

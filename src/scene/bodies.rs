@@ -1,7 +1,7 @@
-//! Bodies that light enters and leaves: which of them hold a point, which one is there where several overlap.
+//! Bodies that light enters and leaves: which of them contain a point, and which one counts where several overlap.
 //!
-//! Overlapping bodies are nested dielectrics (Schmidt, Budge: *Simple Nested Dielectrics in Ray Traced Images*, Journal of
-//! Graphics Tools 7(2), 2002): the one of the highest rank is there, and the others' boundaries inside of it do not exist.
+//! Overlapping bodies are nested dielectrics (Schmidt, Budge: *Simple Nested Dielectrics in Ray Traced Images*, Journal
+//! of Graphics Tools 7(2), 2002): the one of the highest rank counts, and boundaries of others inside it do not exist.
 
 use super::shells::Shell;
 use super::{
@@ -11,10 +11,10 @@ use crate::math::{Ray, Rgb, Vec3};
 use glam::DAffine3;
 use rayon::prelude::*;
 
-/// Surfaces at which the search for the bodies around a point gives up.
+/// Number of surfaces after which the search for the bodies around a point ends.
 pub(crate) const MAX_SURFACES: usize = 10_000;
 
-/// Triangles of a mesh at which overlaps are looked for.
+/// Largest number of triangles of a mesh that are tested for overlaps.
 const PROBES: usize = 256;
 
 /// Rank of each material where bodies overlap: a higher priority, then a smaller body (the largest box around one of its
@@ -30,7 +30,7 @@ pub(super) fn ranks(parts: &SceneParts) -> Vec<u32> {
         extend(mesh.material, extent(mesh.positions.iter().copied()));
     }
     for SharedMesh { mesh, poses } in &parts.shared {
-        // Positions times instances are many, and the rank of what is no body does not matter.
+        // Instances have many positions in all, and only the ranks of bodies matter.
         let body = parts.materials.get(mesh.material as usize);
         if body.is_some_and(Material::bounds_body) {
             let of = |pose: &DAffine3| {
@@ -66,8 +66,8 @@ fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
 }
 
 impl Scene {
-    /// Materials of the bodies around the origin of a ray: those that the ray, followed through all surfaces to infinity,
-    /// leaves without having entered, in this order. Bodies are taken for closed.
+    /// Materials of the bodies around the origin of a ray: those that the ray, followed through all surfaces to
+    /// infinity, leaves without having entered, in this order. Bodies count as closed.
     pub fn bodies_around(&self, ray: &Ray) -> Vec<u32> {
         let mut ray = *ray;
         let (mut entered, mut around) = (Vec::new(), Vec::new());
@@ -97,8 +97,8 @@ impl Scene {
         around
     }
 
-    /// Material of a body that touches the body of this surface here: it begins where the other ends, since a face of each lies
-    /// in the same plane up to rounding. A ray that leaves the surface then keeps clear of both.
+    /// Material of a body that touches the body of this surface here: a face of each lies in the same plane up to
+    /// rounding. Raises the surface's error, so that rays that leave it start clear of both faces.
     #[inline]
     pub(crate) fn touching(&self, surface: &mut Surface) -> Option<u32> {
         if self.features.touching {
@@ -112,7 +112,7 @@ impl Scene {
     fn find_touching(&self, surface: &mut Surface) -> Option<u32> {
         let corners = self.geometry.triangle(surface.triangle);
         let largest = corners.map(|p| p.abs().max_element());
-        // Four corners that were rounded lie in two planes.
+        // Rounding of the corners moves the two faces into different planes.
         let apart = surface.error + 2.0 * f32::EPSILON * largest.into_iter().fold(0.0, f32::max);
         let materials = &self.parts.materials;
         let opposite = |triangle: TriangleId| {
@@ -121,7 +121,7 @@ impl Scene {
                 && self.geometry.triangle_normal(triangle).dot(surface.ng) < -0.99
                 && self.geometry.height(triangle, surface.position).abs() <= apart.into()
         };
-        // Long enough for the error of distances along rays.
+        // Longer than the error of distances along rays.
         let reach = 8.0 * apart;
         let mut ray = Ray::new(surface.position + reach * surface.ng, -surface.ng);
         ray.t_max = 2.0 * reach;
@@ -135,11 +135,11 @@ impl Scene {
         (self.probes()).any(|triangle| self.find_touching(&mut self.probe(triangle)).is_some())
     }
 
-    /// For each material, true if all its meshes are closed, facing outwards, and no light reaches into the box around any of them: a ray
-    /// that starts on such a surface towards its inside is blocked by the body before it meets a light. False for all where
-    /// opacity makes holes, or where boundaries of overlapping bodies do not exist; for shared meshes, whose instances may be
-    /// many; and for all where such a mesh shines. One thread, since paths wait for it: a
-    /// pool of threads that waits for itself would never end.
+    /// For each material of bodies, true if all its meshes are closed with outward normals and no light overlaps the
+    /// box around any of them: the body blocks rays from its surface inwards before they reach a light. False for all
+    /// materials if opacity makes holes, bodies overlap or a shared mesh emits; false for shared meshes, whose
+    /// instances may be many. Runs on one thread, since render threads wait for it: a parallel search could block its
+    /// own thread pool for ever.
     pub(super) fn find_dark_insides(&self) -> Vec<bool> {
         let SceneParts {
             meshes,
@@ -186,9 +186,8 @@ impl Scene {
         dark
     }
 
-    /// True if the outside of some body, just before its surface, lies in another body; looked for at some triangles of
-    /// each mesh. Bodies of the materials `turned` do not count: behind a triangle whose normal points inwards everything
-    /// looks as if it lay in them.
+    /// True if a point just outside some body lies in another body; tested at some triangles of each mesh. Bodies of
+    /// the materials `turned` do not count: [`Scene::bodies_around`] is wrong behind their inward normals.
     pub(super) fn find_overlaps(&self, turned: &[u32]) -> bool {
         self.probes().any(|triangle| {
             let surface = self.probe(triangle);
@@ -197,7 +196,7 @@ impl Scene {
         })
     }
 
-    /// Some triangles of each mesh that bounds a body.
+    /// At most [`PROBES`] triangles of each mesh that bounds a body.
     fn probes(&self) -> impl ParallelIterator<Item = TriangleId> {
         let bounds: Vec<bool> = (self.parts.materials.iter())
             .map(|m| m.bounds_body())

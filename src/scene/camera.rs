@@ -17,17 +17,17 @@ pub struct Camera {
     pub frame: Frame,
     /// Projection.
     pub projection: Projection,
-    /// Way from the view axis to the centre of the picture, to the right and up, in halves of the picture's height.
+    /// Offset of the picture's centre from the view axis, to the right and up, in units of half the picture's height.
     pub shift: Vec2,
     /// Width over height, if the file gives one.
     pub aspect: Option<f32>,
-    /// Lens; a camera without one sees everything sharply.
+    /// Lens; without one everything is in focus.
     pub lens: Option<Lens>,
     /// Size of the picture, if the file gives one.
     pub film: Option<FilmSize>,
 }
 
-/// Size of the picture that a file names.
+/// Size of the picture in a scene file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FilmSize {
     /// Columns and rows.
@@ -69,7 +69,7 @@ pub enum Projection {
     },
 }
 
-/// The nearest camera along a direction that sees all of some points.
+/// Search for the nearest camera in a given direction that sees all of some points.
 pub(super) struct Fit {
     /// Axes of the camera.
     axes: [DVec3; 3],
@@ -122,7 +122,7 @@ impl Fit {
         }
     }
 
-    /// The camera; `None` for no points, for points that are one, and for those too far apart.
+    /// The camera; `None` without points, or if they coincide or are too far away.
     pub(super) fn camera(&self) -> Option<Camera> {
         let [s, t, n] = self.axes;
         // A camera at (x, y, z) in these axes sees p if |p.x - x| <= tan (z - p.z), and the same upwards.
@@ -173,10 +173,10 @@ impl Camera {
         }
     }
 
-    /// The ray through a film position and a point of the lens, for a picture of the given width over height; `u` is uniform
-    /// in [0, 1)². All rays through a film position meet in the plane of focus, and none of them is likelier: the mean over
-    /// the aperture is Kolb's, Mitchell's and Hanrahan's thin lens (*A Realistic Camera Model for Computer Graphics*, 1995)
-    /// without vignetting.
+    /// The ray through a film position and a point of the lens, for a picture of the given width over height; `u` is
+    /// uniform in [0, 1)². All rays through a film position meet in the plane of focus with equal weights: their mean
+    /// over the aperture is Kolb's, Mitchell's and Hanrahan's thin lens (*A Realistic Camera Model for Computer
+    /// Graphics*, 1995) without vignetting.
     #[inline]
     pub fn ray_through(&self, lens: Lens, film: Vec2, aspect: f32, u: Vec2) -> Ray {
         let chief = self.ray(film, aspect);
@@ -186,9 +186,9 @@ impl Camera {
         Ray::new(origin, (target - origin).normalize())
     }
 
-    /// Film position of a point that is seen through a point of the lens, unit direction from it towards that
-    /// point in world space, and the distance along it to the lens; the inverse of [`Camera::ray_through`], and of
-    /// [`Camera::ray`] for a camera without a lens or the middle of one. `None` for points that are not in front of the camera.
+    /// Film position of a point seen through the point `through` of the lens, unit direction from it to the lens in
+    /// world space, and the distance to the lens; the inverse of [`Camera::ray_through`], and of [`Camera::ray`] for a
+    /// camera without a lens or the middle of one. `None` for points that are not in front of the camera.
     #[inline]
     pub fn project(&self, point: Vec3, aspect: f32, through: Vec2) -> Option<(Vec2, Vec3, f32)> {
         // All rays through a film position meet in the plane of focus: those through one point of the lens are the pinhole's,
@@ -231,7 +231,7 @@ impl Camera {
         ]
     }
 
-    /// Columns and rows of a picture of no particular size: 512 rows, with the camera's aspect ratio.
+    /// Columns and rows of a picture by default: those of the file, or 512 rows with the camera's aspect ratio.
     pub fn default_frame(&self) -> UVec2 {
         const ROWS: u32 = 512;
         if let Some(film) = self.film {
@@ -276,7 +276,7 @@ impl Camera {
         if !half.is_finite() || half.min_element() < 0.0 || half.max_element() == 0.0 {
             half = DVec3::splat(0.5);
         }
-        // Single precision tells no smaller box from its centre.
+        // A smaller box would coincide with its centre in single precision.
         let least = DVec3::splat(1e-5 * centre.abs().max_element());
         half = half.min(DVec3::splat(LARGE)).max(least);
         let mut fit = Fit::new(aspect, None);

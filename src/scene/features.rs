@@ -1,27 +1,27 @@
-//! Contents of a scene that change the work of its paths. A path does the work of those that are there.
+//! Contents of a scene that require extra work of its paths, which they skip in scenes without them.
 
 use super::{Material, Mesh, SceneParts};
 use crate::math::Rgb;
 
-/// Contents of a scene that change the work of its paths, found once.
+/// Contents of a scene that require extra work of its paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Features {
     /// Bodies that absorb light.
     pub absorption: bool,
     /// Bodies that refract each colour channel by an index of its own.
     pub dispersion: bool,
-    /// Bodies that overlap, touch or have priorities: what a boundary is depends on the bodies around it.
+    /// Bodies that overlap, touch, have priorities or only bound media: boundaries depend on the bodies around them.
     pub overlaps: bool,
     /// Bodies that touch.
     pub(super) touching: bool,
     /// Lobes that a rule can roughen.
     pub lobes: bool,
-    /// Surfaces that show only their front to the camera.
+    /// Surfaces that show the camera only their front, or neither side.
     pub hidden_backs: bool,
 }
 
 impl Features {
-    /// Features of materials and meshes, without those of bodies that overlap or touch: finding these takes the trees.
+    /// Features of materials and meshes. `overlaps` and `touching` stay false, since they need the trees.
     pub(super) fn of(parts: &SceneParts) -> Self {
         let materials = &parts.materials;
         let shown = |m: &Mesh| materials.get(m.material as usize);

@@ -1,5 +1,4 @@
-//! Finish of a material: clear coat, sheen, film, brushing, and whatever else few materials have, so that it stays out of the way
-//! of the others.
+//! Finish of a material: clear coat, sheen, film, brushing and other properties that few materials have.
 
 use super::lamp::Lamp;
 use super::material::{Coordinates, Look, Material, TextureRef};
@@ -26,7 +25,7 @@ pub struct Finish {
     pub exact: Option<ExactCover>,
     /// Light that the base scatters on its other side.
     pub translucency: Option<Translucency>,
-    /// Another material that takes the place of this one on a share of the surface.
+    /// Another material that replaces this one on a share of the surface.
     pub mix: Option<Mix>,
     /// Textures of the reflectance of a dielectric.
     pub specular: SpecularMaps,
@@ -45,7 +44,7 @@ pub struct SpecularMaps {
     pub weight: Option<TextureRef>,
     /// Factor of the colour (sRGB).
     pub color: Option<TextureRef>,
-    /// One minus the perceptual roughness in alpha, times this factor: the roughness of the material does not count.
+    /// Glossiness (1 − perceptual roughness) in alpha, times this factor; replaces the roughness of the material.
     pub gloss: Option<(TextureRef, f32)>,
 }
 
@@ -69,7 +68,7 @@ pub struct FilmCover {
     pub weight: f32,
     /// Index of refraction.
     pub ior: f32,
-    /// Thickness in nanometres where the texture is 0 and where it is 1, which it is without one.
+    /// Thickness in nanometres for texture values of 0 and 1; the latter without a texture.
     pub thickness: [f32; 2],
     /// Weight in red.
     pub texture: Option<TextureRef>,
@@ -77,7 +76,7 @@ pub struct FilmCover {
     pub thickness_texture: Option<TextureRef>,
 }
 
-/// Light that a surface scatters on its other side `[KHR_materials_diffuse_transmission]`.
+/// Diffuse transmission `[KHR_materials_diffuse_transmission]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Translucency {
     /// Share of the base that transmits in place of reflecting, in [0, 1].
@@ -88,14 +87,14 @@ pub struct Translucency {
     pub texture: Option<TextureRef>,
     /// Factor of the colour (sRGB).
     pub color_texture: Option<TextureRef>,
-    /// True if the rest of the base reflects what its colour says in place of its share of it.
+    /// True if the base reflects its whole colour, false if it reflects 1 − weight of it.
     pub keeps_base: bool,
 }
 
-/// Reflection by Fresnel's equations; the base colour is that of the base, or the factor of a metal's reflectance.
+/// Reflection by Fresnel's equations; the base colour is the albedo under a coat, or a factor of a metal's reflectance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ExactCover {
-    /// A metal of index `eta` + i `k` over that of the outside.
+    /// A metal of index `eta` + i `k` relative to the outside.
     Metal {
         /// Real part.
         eta: Rgb,
@@ -104,14 +103,14 @@ pub enum ExactCover {
     },
     /// A clear layer of the material's index over a Lambertian base.
     Coat {
-        /// Mean reflectance of the layer over the cosine-weighted hemisphere, from outside and, where what it reflects back to
-        /// the base takes on the base's colour, from inside; else 0.
+        /// Mean reflectance of the layer over the cosine-weighted hemisphere, from outside and from inside; the latter
+        /// is 0 if interreflection between base and layer does not saturate the colour.
         averages: [f32; 2],
     },
 }
 
 impl ExactCover {
-    /// A layer of an index; with `saturates` light between base and layer takes on the base's colour again and again.
+    /// A layer of index `eta`; with `saturates`, interreflection between base and layer saturates the base's colour.
     pub fn coat(eta: f32, saturates: bool) -> Self {
         let outside = dielectric_average(eta);
         let inside = 1.0 - (1.0 - outside) / (eta * eta);
@@ -121,8 +120,8 @@ impl ExactCover {
         }
     }
 
-    /// Reflectance of a base of this one under the cover, of what the cover lets through: what comes back from the layer is
-    /// scattered again, a + a² r + … over its share without colour. That of a metal is as it was.
+    /// Effective albedo of a base under the cover, for light that the cover transmits: a + a² r + … by interreflection
+    /// with the layer, over the same sum of a white base. Unchanged for a metal.
     pub fn seen(&self, albedo: Rgb) -> Rgb {
         match *self {
             Self::Metal { .. } => albedo,
@@ -155,7 +154,7 @@ pub struct Clearcoat {
     pub texture: Option<TextureRef>,
     /// Perceptual roughness in green.
     pub roughness_texture: Option<TextureRef>,
-    /// Tangent-space normal map of the coat, which does not have that of its base.
+    /// Tangent-space normal map of the coat, which does not use the map of its base.
     pub normal_texture: Option<TextureRef>,
     /// Scale of the normal map's x and y.
     pub normal_scale: f32,
@@ -166,7 +165,7 @@ pub struct Clearcoat {
 pub struct Anisotropy {
     /// Strength in [0, 1].
     pub strength: f32,
-    /// Angle in radians from the tangent to the direction along which the surface is the rougher, counter-clockwise.
+    /// Angle in radians from the tangent to the rougher direction, counter-clockwise.
     pub rotation: f32,
     /// Direction in red and green, factor of the strength in blue.
     pub texture: Option<TextureRef>,
@@ -179,7 +178,7 @@ impl Anisotropy {
         [alpha + (1.0 - alpha) * strength * strength, alpha]
     }
 
-    /// The BSDF for that of the surface without brushing.
+    /// The glossy BSDF `lobe` with the brushing at this point.
     fn brushed(&self, scene: &Scene, surface: &Surface, uv: [Vec2; 2], lobe: Glossy) -> Bsdf {
         let parts = scene.parts();
         let (mut strength, mut direction) = (self.strength, Vec2::X);
@@ -214,7 +213,7 @@ impl Material {
         self.finish.as_ref()?.translucency.as_ref()
     }
 
-    /// True under a clear coat or sheen.
+    /// True if the material has a clear coat or a sheen, or is a mixture.
     pub(super) fn is_covered(&self) -> bool {
         let covered = |finish: &Finish| finish.covers() || finish.mix.is_some();
         self.finish.as_deref().is_some_and(covered)
@@ -226,7 +225,7 @@ impl Material {
         self.finish.as_ref()?.anisotropy.as_ref()
     }
 
-    /// Roughness that classes see in the glossy lobe, without textures.
+    /// Roughness by which tables classify the glossy lobe, without textures: the geometric mean of a brushed one's.
     pub fn lobe_alpha(&self) -> f32 {
         let alphas = |a: &Anisotropy| Anisotropy::alphas(self.alpha, a.strength);
         self.anisotropy().map_or(self.alpha, |a| {
@@ -235,7 +234,7 @@ impl Material {
         })
     }
 
-    /// The finish, to be changed.
+    /// The finish, which is added if there is none.
     pub fn finish_mut(&mut self) -> &mut Finish {
         self.finish.get_or_insert_default()
     }
@@ -247,7 +246,6 @@ impl Finish {
         self.clearcoat.is_some() || self.sheen.is_some()
     }
 
-    /// The textures.
     pub(super) fn textures(&self) -> impl Iterator<Item = &TextureRef> {
         let coat = self
             .clearcoat
@@ -271,8 +269,8 @@ impl Finish {
         self.has_colors || self.has_second_uvs
     }
 
-    /// A BSDF by Fresnel's equations in place of Schlick's approximation, where the material has them. A brushed metal keeps
-    /// the approximation, from its reflectance at normal incidence.
+    /// Replaces Schlick's approximation by Fresnel's equations if the material has [`Finish::exact`]. A brushed metal
+    /// keeps the approximation, with its exact reflectance at normal incidence.
     fn exactly(&self, material: &Material, base: Bsdf) -> Bsdf {
         let (tint, lobe) = match (&self.exact, base) {
             (Some(_), Bsdf::Glossy(lobe)) => (material.specular_color, lobe),
@@ -339,7 +337,7 @@ impl SheenCover {
 }
 
 impl Translucency {
-    /// The BSDF whose base transmits so, for that of the surface where it looks so.
+    /// The BSDF `base` of the values `look`, with diffuse transmission added.
     fn over(&self, look: &Look, base: Bsdf, textures: &[Texture], uv: [Vec2; 2]) -> Bsdf {
         let (mut weight, mut color) = (self.weight, self.color);
         if let Some(map) = &self.texture {
@@ -392,7 +390,7 @@ impl Clearcoat {
         [weight, alpha]
     }
 
-    /// Gives the surface the coat's normal.
+    /// Sets the shading normal of the surface to the coat's.
     fn turn(&self, scene: &Scene, base: &Material, surface: &mut Surface) {
         if base.normal_texture.is_some() || self.normal_texture.is_some() {
             let map = (self.normal_texture.as_ref()).map(|map| (map, self.normal_scale));

@@ -9,16 +9,16 @@ use std::f64::consts::TAU;
 /// Radius of the floor over half the diagonal of the box around the objects: their shadows at the rim are below 0.5 %.
 const RADIUS: f64 = 6.0;
 
-/// Gap below the lowest point over the longest edge of that box: a flat base and the floor are two surfaces.
+/// Gap below the lowest point over the longest edge of that box, which separates the floor from a flat base.
 const GAP: f64 = 1e-3;
 
 /// Corners of the rim.
 const CORNERS: u32 = 96;
 
 impl SceneParts {
-    /// Lays a disc, as the last mesh, below the lowest point of the objects that a camera frames. The studio lights it as bright as its
-    /// own lower half. Scenes with a ground or a sky of their own stay as they are. Cameras below the floor see through it, since it
-    /// is single-sided. Objects that move keep the floor that they have at `rest`.
+    /// Lays a disc, as the last mesh, below the lowest point of the objects that a camera frames. In the light of the
+    /// studio it is as bright as the studio's lower half. Scenes with their own ground or sky stay as they are. Camera
+    /// rays from below pass through the single-sided floor. Objects that move keep the floor that they have at `rest`.
     pub fn lay_floor(&mut self, rest: Option<&Self>) {
         let Some([low, high]) = framing::bounds_on_nothing(rest.unwrap_or(self)) else {
             return;
@@ -53,7 +53,7 @@ impl SceneParts {
 }
 
 impl Scene {
-    /// Lowest and highest corner of the box around all meshes but the floor of the studio.
+    /// Lowest and highest corner of the box around all meshes except the floor of the studio.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         let own = (self.parts.has_floor).then(|| framing::bounds(&self.parts));
         match own.flatten() {

@@ -1,35 +1,35 @@
-//! The camera of a file that has none: what it frames, and from which side.
+//! The camera for a file without one: what it frames, and from which side.
 
 use super::{Camera, Hit, Mesh, Scene, SceneParts};
 use crate::math::{DVec3, Ray, Rgb, Vec3};
 use crate::scene::camera::Fit;
 use glam::DAffine3;
 
-/// Extent of a flat mesh, over that of all smaller ones, above which it is the ground beneath them.
+/// Extent of a flat mesh, over that of all smaller meshes together, above which it is the ground beneath them.
 const GROUND: f64 = 4.0;
 
-/// The same of a mesh around them, which is their sky.
+/// Extent of a mesh around all smaller meshes, over theirs, above which it is their sky.
 const SKY: f64 = 10.0;
 
-/// Height of a ground over its extent, at most.
+/// Largest height of a ground over its shorter horizontal side.
 const FLAT: f64 = 0.1;
 
-/// Largest meshes that may be ground and sky.
+/// Number of the largest meshes that may be ground and sky.
 const SURROUNDINGS: usize = 3;
 
 /// Distance of a small mesh, over the extent of all others, above which the picture leaves it out.
 const FAR: f64 = 4.0;
 
-/// Directions in which walls are looked for from the middle of a room.
+/// Number of rays from the middle of a room that search for walls.
 const LOOKS: u32 = 256;
 
-/// Share of them that a room's walls are in, at least.
+/// Least share of these rays that hit the walls of a room.
 const WALLS: f64 = 0.7;
 
-/// Cosine with a side's direction of the rays that have to be free in an open side.
+/// Least cosine with a side's direction of the rays that must hit nothing if the side is open.
 const OPEN: f32 = 0.92;
 
-/// A box of what one mesh shows.
+/// The box around a mesh or an instance.
 #[derive(Clone, Copy)]
 struct Part {
     low: DVec3,
@@ -71,7 +71,7 @@ impl Part {
         (self.high - self.low).max_element()
     }
 
-    /// True for the ground or the sky of what is smaller, which must not be lamps alone.
+    /// True for the ground or the sky of the smaller parts, which must not all be lamps.
     fn surrounds(&self, smaller: &Self) -> bool {
         let size = self.high - self.low;
         let is_flat = size.y <= FLAT * size.x.min(size.z);
@@ -86,7 +86,7 @@ impl Part {
             && self.extent() > ratio * smaller.extent()
     }
 
-    /// True for what is small beside the others and far from them.
+    /// True if the part is smaller than the others and far from them.
     fn is_far_from(&self, others: &Self) -> bool {
         let apart = (self.low - others.high).max(others.low - self.high);
         let extent = others.extent();
@@ -97,7 +97,7 @@ impl Part {
     }
 }
 
-/// Points of a mesh, or of the box around each instance of a shared one.
+/// Box and points of each mesh, and of each instance of a shared mesh.
 fn shown(parts: &SceneParts) -> Vec<(Part, Points<'_>)> {
     let emits = |mesh: &Mesh| {
         let material = parts.materials.get(mesh.material as usize);
@@ -158,12 +158,12 @@ pub(super) fn corners(low: DVec3, high: DVec3) -> [DVec3; 8] {
     })
 }
 
-/// Lowest and highest corner of the box around all parts but the floor of the studio.
+/// Lowest and highest corner of the box around all parts except the floor of the studio.
 pub(super) fn bounds(parts: &SceneParts) -> Option<[DVec3; 2]> {
     around(&shown(parts))
 }
 
-/// The same of the subject of a picture; `None` too where a ground or a sky of the parts surrounds it.
+/// Lowest and highest corner of the box around the subject; `None` also if the parts have a ground or a sky.
 pub(super) fn bounds_on_nothing(parts: &SceneParts) -> Option<[DVec3; 2]> {
     let (subject, surrounded) = subject(shown(parts));
     around(&subject).filter(|_| !surrounded)
@@ -174,7 +174,7 @@ fn around(all: &[(Part, Points<'_>)]) -> Option<[DVec3; 2]> {
     (all.low.x <= all.high.x).then_some([all.low, all.high])
 }
 
-/// Parts without grounds, skies, and small things far away: those that a picture of the scene is of. True if there were grounds or skies.
+/// The subject: all parts except grounds, skies and small distant parts. True if there are grounds or skies.
 fn subject(mut all: Vec<(Part, Points<'_>)>) -> (Vec<(Part, Points<'_>)>, bool) {
     all.sort_by(|(a, _), (b, _)| a.extent().total_cmp(&b.extent()));
     let mut smaller = vec![Part::EMPTY];
@@ -202,9 +202,9 @@ fn subject(mut all: Vec<(Part, Points<'_>)>) -> (Vec<(Part, Points<'_>)>, bool) 
 }
 
 impl Scene {
-    /// Camera for a file that has none, for a picture of the given width over height: in three-quarter view from the front, and for
-    /// a room that is open on one side through that side. It frames the vertices of the scene, without ground, sky, and
-    /// small things far away.
+    /// Camera for a file that has none, for a picture of the given width over height: in three-quarter view from the
+    /// front, or through the open side of a room. It frames the vertices of the scene except ground, sky and small
+    /// distant parts.
     pub fn framing_camera(&self, aspect: f32) -> Camera {
         let (subject, _) = subject(shown(&self.parts));
         let Some([low, high]) = around(&subject) else {
@@ -222,7 +222,7 @@ impl Scene {
             .unwrap_or_else(|| Camera::framing(self.geometry.bounds(), aspect))
     }
 
-    /// Horizontal direction of the open side of a room with this middle; `None` where walls are not all around but there.
+    /// Horizontal direction of the open side of a room with this middle; `None` unless walls are on all other sides.
     fn open_side(&self, middle: DVec3, extent: f64) -> Option<DVec3> {
         let from = middle.as_vec3();
         let beyond = 2.0 * extent as f32;
@@ -248,7 +248,7 @@ impl Scene {
         if open.len() as f64 > (1.0 - WALLS) * f64::from(LOOKS) {
             return None;
         }
-        // The share of a cap of this cosine, in looks; a side is open if nearly all of them are free.
+        // 90 % of the expected number of rays in the spherical cap of a side: with so many free, the side is open.
         let least = 0.9 * 0.5 * (1.0 - OPEN) * LOOKS as f32;
         [DVec3::Z, DVec3::X, DVec3::NEG_X, DVec3::NEG_Z]
             .into_iter()

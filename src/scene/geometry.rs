@@ -17,33 +17,32 @@ use std::ops::Range;
 /// Half a unit in the last place, relative.
 const HALF_ULP: f32 = 0.5 * f32::EPSILON;
 
-/// All triangles of a scene. Those of [`SceneParts::meshes`] come first in scene order, those of the instances after
-/// them.
+/// All triangles of a scene. In scene order the triangles of [`SceneParts::meshes`] precede those of the instances.
 pub struct Geometry {
     accel: Accel,
     has_tree: bool,
     triangles: Vec<Triangle>,
     /// Number of meshes that are not shared.
     meshes: u32,
-    /// True for triangles whose hits opacity may remove; empty if there are none.
+    /// For each triangle, true if opacity may remove its hits; empty if it can remove none.
     cutouts: Vec<bool>,
     instances: Option<Instances>,
     traversal: Traversal,
 }
 
-/// Traversal of the scene by a ray: the cheapest that the scene allows.
+/// Traversal of the scene by a ray: the cheapest sufficient kind.
 #[derive(Clone, Copy)]
 enum Traversal {
     /// One tree, in which every hit counts.
     Plain,
-    /// One tree, hits of which opacity may remove.
+    /// One tree, with hits that opacity may remove.
     Cutouts,
-    /// Instances too.
+    /// One tree that also contains instances.
     Instances,
 }
 
-/// A triangle with all that a surface without textures is interpolated from: one load, where mesh, corners' indices and
-/// attributes would be four that wait for each other.
+/// A triangle with all data that a surface without textures needs. One load replaces dependent loads of the mesh, the
+/// indices of the corners and their attributes.
 #[repr(C, align(32))]
 pub(super) struct Triangle {
     pub(super) corners: [Vec3; 3],
@@ -51,8 +50,9 @@ pub(super) struct Triangle {
     ng: Vec3,
     /// Shading normals of the corners; zero where the mesh has none.
     normals: [Vec3; 3],
-    /// Index of the material; [`TEXTURED`] if it needs texture coordinates, [`ONE_SIDED`] if only its front is seen, [`HIDDEN`]
-    /// if it is not seen at all, [`ROUGH`] if it is opaque and rough, [`CURVED`] if it stands for a curved opaque surface.
+    /// Index of the material, with bits: [`TEXTURED`] if it needs texture coordinates, [`ONE_SIDED`] if cameras see the
+    /// front only, [`HIDDEN`] if they see neither side, [`ROUGH`] if opaque and rough, [`CURVED`] if part of a curved
+    /// opaque surface.
     material: u32,
     /// Index of the mesh.
     mesh: u32,
@@ -87,7 +87,7 @@ impl Triangle {
 pub(super) type Face = [u32; 2];
 
 impl Triangle {
-    /// True if the camera is not shown a side, which is the back if that is so.
+    /// True if the camera does not see the side that a ray hits, which is the back if `is_back()`.
     #[inline]
     fn hides_side(&self, is_back: impl Fn() -> bool) -> bool {
         self.material & (ONE_SIDED | HIDDEN) != 0 && (self.material & HIDDEN != 0 || is_back())
@@ -127,7 +127,7 @@ pub(super) fn corners(mesh: &Mesh, face: u32) -> [Vec3; 3] {
     mesh.indices[face as usize].map(|i| mesh.positions[i as usize])
 }
 
-/// Triangles that were dropped, of meshes by name.
+/// Number of dropped triangles, and the names and triangle count of their meshes.
 #[derive(Default)]
 pub(super) struct Dropped {
     names: Vec<String>,
@@ -136,7 +136,7 @@ pub(super) struct Dropped {
 }
 
 impl Dropped {
-    /// Adds a warning of them all.
+    /// Adds one warning for all meshes.
     pub(super) fn say(self, warnings: &mut Vec<String>) {
         /// Names that the warning lists.
         const NAMES: usize = 3;
@@ -153,8 +153,8 @@ impl Dropped {
     }
 }
 
-/// Adds the faces of the `m`-th mesh, those that are no triangles left out and counted; a mesh without a material is named in a
-/// warning.
+/// Adds the usable faces of the `m`-th mesh and counts the others. A mesh whose material does not exist adds a warning
+/// instead.
 pub(super) fn add_faces(
     out: &mut Vec<Face>,
     (m, mesh): (usize, &Mesh),
@@ -206,7 +206,7 @@ impl Geometry {
         let boxes = instances
             .as_mut()
             .map_or_else(Vec::new, Instances::take_boxes);
-        // The tree first: while it is built the triangles are not there yet.
+        // The tree first, so that the triangles take no memory while it is built.
         let of = |&[m, face]: &Face| corners(&parts.meshes[m as usize], face);
         let accel = match tree {
             true => Accel::over(faces.len(), |i| of(&faces[i as usize]), &boxes),
@@ -240,12 +240,12 @@ impl Geometry {
         }
     }
 
-    /// True if rays can be asked.
+    /// True if rays can be traced against unshared meshes.
     pub(super) fn has_tree(&self) -> bool {
         self.has_tree
     }
 
-    /// Number of triangles, those of every instance counted.
+    /// Number of triangles, including those of every instance.
     pub fn len(&self) -> usize {
         self.single() + self.instances.as_ref().map_or(0, Instances::shown)
     }
@@ -260,7 +260,7 @@ impl Geometry {
         self.triangles.len()
     }
 
-    /// Number of triangles in memory: those of instances once.
+    /// Number of triangles in memory, where those of a shared mesh count once.
     pub fn stored(&self) -> usize {
         self.single() + self.instances.as_ref().map_or(0, Instances::stored)
     }
@@ -270,7 +270,7 @@ impl Geometry {
         self.instances.as_ref().map_or(0, Instances::len)
     }
 
-    /// The instances, for a triangle of one of them.
+    /// The instances, which exist if a triangle belongs to one.
     #[inline]
     fn shared(&self) -> &Instances {
         (self.instances.as_ref())
@@ -352,7 +352,7 @@ impl Geometry {
         mix(&weights(hit), self.triangle_uvs(parts, hit.triangle))
     }
 
-    /// Corners of a triangle and the shading normals at them, which a point between interpolates.
+    /// Corners of a triangle and the shading normals there.
     pub(crate) fn smooth_triangle(&self, i: TriangleId) -> ([Vec3; 3], [Vec3; 3]) {
         let normals = self.at(i, |triangle, to_world| {
             triangle.normals.map(|n| to_world.normal(n))
@@ -380,7 +380,7 @@ impl Geometry {
         (point.as_dvec3() - a.as_dvec3()).dot(normal(a, b, c).normalize())
     }
 
-    /// True if opacity may remove a hit.
+    /// True if opacity may remove any hit.
     #[inline]
     pub fn has_opacity(&self) -> bool {
         !self.cutouts.is_empty() || self.instances.as_ref().is_some_and(Instances::vanish)
@@ -391,11 +391,11 @@ impl Geometry {
         self.accel.bounds()
     }
 
-    /// Closest hit; parts that opacity removes are skipped.
+    /// Closest hit, without hits that opacity removes.
     #[inline]
     pub fn intersect(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
         match self.traversal {
-            // The surface of the closest hit is asked for next: its triangle arrives while the walk goes on.
+            // The surface at the closest hit is computed next: its triangle is prefetched during the traversal.
             Traversal::Plain => self.accel.closest_where(ray, |hit| {
                 accel::fetch(&self.triangles, hit.triangle.index());
                 true
@@ -423,7 +423,7 @@ impl Geometry {
         }
     }
 
-    /// True where a ray along `dir` meets a side of a triangle that the camera is not shown.
+    /// True if a ray along `dir` hits a side of a triangle that the camera does not see.
     #[inline]
     pub(super) fn hides_back(&self, triangle: TriangleId, dir: Vec3) -> bool {
         match self.triangles.get(triangle.index() as usize) {
@@ -435,7 +435,7 @@ impl Geometry {
         }
     }
 
-    /// Any hit before the ray's end.
+    /// True if there is a hit before the ray's end.
     #[inline]
     pub fn occluded(&self, parts: &SceneParts, ray: &Ray) -> bool {
         match self.traversal {
@@ -450,7 +450,7 @@ impl Geometry {
         self.among::<true>(parts, ray).is_some()
     }
 
-    /// The closest hit on triangles and instances, or with `ANY` any; parts that opacity removes are skipped.
+    /// The closest hit on triangles and instances, or with `ANY` any hit; hits that opacity removes are skipped.
     #[inline]
     fn among<const ANY: bool>(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
         let instances = self.shared();
@@ -459,8 +459,8 @@ impl Geometry {
         (self.accel).among::<ANY>(ray, |hit| self.remains(parts, ray, hit), enter)
     }
 
-    /// Interpolates the surface at a hit. No direction enters: a path from the camera and a path from a light that meet
-    /// at a point see the same surface.
+    /// Interpolates the surface at a hit. It does not depend on the ray's direction: camera paths and light paths find
+    /// the same surface at a point.
     pub fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
         match self.triangles.get(hit.triangle.index() as usize) {
             Some(triangle) => triangle.surface(parts, hit, &InWorld),
@@ -468,7 +468,7 @@ impl Geometry {
         }
     }
 
-    /// The shading normal at a surface point with another normal map and its scale, or none.
+    /// The shading normal at a surface point with this normal map and scale in place of the material's, or with none.
     pub(super) fn mapped_normal(
         &self,
         parts: &SceneParts,
@@ -506,8 +506,8 @@ impl Geometry {
         })
     }
 
-    /// The footprint of a pixel in texture coordinates: half of its way across the line of sight in the surface, and half of
-    /// the way along. `None` where the mesh has no coordinates.
+    /// The footprint of a pixel in texture coordinates, as two half axes in the surface: across the line of sight and
+    /// along it. `None` if the mesh has no coordinates.
     pub(super) fn uv_axes(
         &self,
         parts: &SceneParts,
@@ -536,7 +536,7 @@ impl Geometry {
         })
     }
 
-    /// Asks a triangle and its way into the world.
+    /// Calls `ask` with a triangle and its transform to the world.
     fn at<T>(&self, triangle: TriangleId, ask: impl FnOnce(&Triangle, &dyn ToWorld) -> T) -> T {
         match self.triangles.get(triangle.index() as usize) {
             Some(triangle) => ask(triangle, &InWorld),
@@ -557,7 +557,7 @@ impl Geometry {
         !self.cutouts[hit.triangle.index() as usize] || self.present_at(parts, ray, hit)
     }
 
-    /// The same, of a hit on a material whose opacity may remove it.
+    /// [`Self::present`] of a hit on a material whose opacity may remove it.
     fn present_at(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> bool {
         let material = &parts.materials[self.triangle_material(hit.triangle) as usize];
         let uvs = self.triangle_uvs(parts, hit.triangle);
@@ -636,11 +636,11 @@ pub(super) trait ToWorld {
     fn normal(&self, n: Vec3) -> Vec3;
     /// A corner's tangent and handedness.
     fn tangent(&self, t: Vec4) -> Vec4;
-    /// The error of a surface point, from that of its rounding to single precision.
+    /// The error of a surface point, given the error of its rounding to single precision.
     fn error(&self, error: f32) -> f32;
 }
 
-/// Identity, of a mesh that is in the world.
+/// Identity, for a mesh in world coordinates.
 struct InWorld;
 
 impl ToWorld for InWorld {
@@ -695,10 +695,10 @@ impl Triangle {
         let e = to_world.edge(b.as_dvec3() - local);
         let f = to_world.edge(c.as_dvec3() - local);
         let ng = to_world.geometric(self.ng, e, f);
-        // Exact up to the rounding to single precision.
+        // The position is exact up to the rounding to single precision.
         let position = (to_world.point(a) + f64::from(hit.u) * e + f64::from(hit.v) * f).as_vec3();
-        // A spawned origin is off by that rounding and by its own, half a unit in the last place each; the intersection
-        // test knows the side of the plane exactly. [PBRT4 §6.8] has to allow for γ₇ of the corners' size.
+        // A spawned origin has this rounding error and its own, half a unit in the last place each; the intersection
+        // test decides the side of the plane exactly. [PBRT4 §6.8] has to allow for γ₇ of the corners' size.
         let rounding = 3.0 * HALF_ULP * position.abs().dot(ng.abs());
         let extent = e.abs().max(f.abs()).max_element() as f32;
         let (mut ns, flipped) = self.smooth_normal(&weights, ng, to_world);
@@ -745,7 +745,7 @@ impl Triangle {
         }
     }
 
-    /// The interpolated normal, and if it is on the other side than `ng`.
+    /// The interpolated unit normal, and true if it is not on the side of `ng`.
     #[inline(always)]
     fn smooth_normal(
         &self,
@@ -772,7 +772,7 @@ impl Triangle {
         (point.uv(), mapped.unwrap_or(ns))
     }
 
-    /// Texture coordinates along two directions in its plane.
+    /// Derivatives of the texture coordinates along two vectors in the triangle's plane.
     #[inline]
     fn uv_axes(
         &self,
@@ -830,7 +830,7 @@ struct TrianglePoint<'a, P: ?Sized> {
 }
 
 impl<P: ToWorld + ?Sized> TrianglePoint<'_, P> {
-    /// Coordinates of the corners that a map takes.
+    /// Texture coordinates of the corners in the set that a map uses.
     fn uvs(&self, map: &TextureRef) -> Option<[Vec2; 3]> {
         let all = if map.second {
             &self.mesh.second_uvs
@@ -881,7 +881,7 @@ fn is_usable(mesh: &Mesh, indices: &[u32; 3]) -> bool {
     })
 }
 
-/// Normal by winding, twice the area long; in double precision, exact enough for the thinnest sliver.
+/// Normal by winding, of a length of twice the area; in double precision, which suffices for the thinnest sliver.
 #[inline]
 fn normal(a: Vec3, b: Vec3, c: Vec3) -> glam::DVec3 {
     let a = a.as_dvec3();

@@ -1,9 +1,9 @@
-//! Triangles of a scene, and where rays meet them.
+//! Identifiers of triangles, and hits of rays.
 
-/// A triangle of a scene: where it is in memory, and which instance shows it, since all instances together may show more than
-/// 32 bits count. Sorted in scene order: what no instances share, then instance by instance.
+/// Identifier of a triangle: its index in memory and its instance, since all instances together may show more than 2³²
+/// triangles. Its order is scene order: unshared triangles, then instance by instance.
 ///
-/// One number, which is copied as one, with the alignment of what surrounds it.
+/// Stored as one number, so that it is copied as one, but with the alignment of the other fields of [`Hit`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(C, packed(4))]
 pub struct TriangleId(u64);
@@ -39,7 +39,7 @@ impl TriangleId {
         self.0
     }
 
-    /// The triangle `places` places after this one in the same mesh.
+    /// The triangle `places` positions after this one in the same mesh.
     #[inline(always)]
     pub(crate) fn after(self, places: u32) -> Self {
         Self(self.0 + u64::from(places))

@@ -1,5 +1,5 @@
-//! Meshes that a scene shows at several poses: in memory once, each in a tree of its own in object space, below the scene's tree,
-//! which holds the boxes of the instances in the world beside the triangles that are not shared.
+//! Meshes that a scene stores once and shows at several poses. Each has its own tree in object space; the scene's tree
+//! contains the world-space boxes of the instances beside the unshared triangles.
 
 use super::accel::{self, Accel, LocalRay};
 use super::geometry::{Dropped, Run, ToWorld, Triangle, add_faces, corners};
@@ -10,25 +10,25 @@ use crate::math::{DVec3, Ray, Vec3, Vec4};
 use glam::{DAffine3, DMat3};
 use rayon::prelude::*;
 
-/// Roundings of double precision between the exact place of an instance's surface and the one that rays meet, relative to
-/// the reach of its coordinates and to the condition of its pose.
+/// Bound on the double-precision error of hits on an instance, relative to its largest coordinates and to the condition
+/// number of its pose.
 const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
 
-/// Instances that are placed at a time, in parallel: few, since they are in memory twice.
+/// Number of instances placed at a time, in parallel: few, since these are in memory twice.
 const CHUNK: usize = 1 << 12;
 
 /// All instances of a scene.
 pub(super) struct Instances {
     meshes: Vec<Shared>,
     list: Vec<Instance>,
-    /// Lower and upper corner of each, until the tree is built.
+    /// Lower and upper corner of each instance, until the tree is built.
     boxes: Vec<(Vec3, Vec3)>,
 }
 
 /// A shared mesh.
 pub(super) struct Shared {
     triangles: Vec<Triangle>,
-    /// Index of the first of them among the triangles in memory.
+    /// Index of the first triangle among all triangles in memory.
     first: u32,
     accel: Accel,
     material: u32,
@@ -51,7 +51,7 @@ struct Instance {
 }
 
 impl Instances {
-    /// Builds the trees; `first` is the number of triangles that are not shared. `None` if nothing is.
+    /// Builds the trees; `first` is the number of triangles that are not shared. `None` without instances.
     pub(super) fn new(
         parts: &SceneParts,
         mut first: u32,
@@ -145,12 +145,12 @@ impl Instances {
         self.meshes.iter().any(|m| m.vanishes)
     }
 
-    /// Lower and upper corner of each instance, handed over once.
+    /// Moves out the lower and upper corner of each instance.
     pub(super) fn take_boxes(&mut self) -> Vec<(Vec3, Vec3)> {
         std::mem::take(&mut self.boxes)
     }
 
-    /// The instance that shows a triangle, its mesh, and the triangle in there.
+    /// The instance of a triangle, its mesh, and the triangle in object space.
     fn find(&self, triangle: TriangleId) -> (&Instance, &Shared, &Triangle) {
         let instance = &self.list[triangle.instance() as usize - 1];
         let mesh = &self.meshes[instance.mesh as usize];
@@ -190,7 +190,7 @@ impl Instances {
         }
     }
 
-    /// A hit in an instance that `keep` accepts and that comes before the best one: the closest, or with `ANY` the first to be
+    /// A hit in an instance that `keep` accepts and that is closer than `best`: the closest, or with `ANY` the first
     /// found.
     #[inline]
     pub(super) fn enter<const ANY: bool>(
@@ -206,7 +206,7 @@ impl Instances {
         let local = instance.local(ray, first, *best);
         (shared.accel).improve::<ANY>(&local, |hit| {
             if !ANY {
-                // The surface of the closest hit is asked for next.
+                // The surface at the closest hit is computed next.
                 accel::fetch(&shared.triangles, hit.triangle.index() - shared.first);
             }
             keep(shared, hit)
@@ -219,7 +219,7 @@ impl Instances {
         triangle.surface(parts, hit, &to_world)
     }
 
-    /// A triangle in its mesh's space, and its way into the world.
+    /// A triangle in its mesh's space, and its transform to the world.
     pub(super) fn place(&self, triangle: TriangleId) -> (&Triangle, impl ToWorld + use<'_>) {
         let (instance, _, triangle) = self.find(triangle);
         (triangle, InstanceTransform(instance))
@@ -227,7 +227,7 @@ impl Instances {
 }
 
 impl Instance {
-    /// A mesh of an extent at a pose, and the error of double precision in the world; `None` for a pose that cannot be.
+    /// A mesh of this extent at a pose, and its double-precision error in the world; `None` for an invalid pose.
     fn new(mesh: u32, pose: &DAffine3, extent: Vec3) -> Option<(Self, f64)> {
         let condition = SharedMesh::condition(pose)?;
         let reach = magnitudes(&pose.matrix3) * extent.as_dvec3() + pose.translation.abs();
@@ -270,7 +270,7 @@ impl Instance {
     }
 }
 
-/// The way of an instance's mesh into the world.
+/// Transform of an instance's mesh to the world.
 struct InstanceTransform<'a>(&'a Instance);
 
 impl ToWorld for InstanceTransform<'_> {
@@ -321,7 +321,7 @@ fn bounds(accel: &Accel, pose: &DAffine3, slack: f64) -> (Vec3, Vec3) {
         pose.translation + DVec3::from_array([0, 1, 2].map(along))
     };
     let (low, high) = (reach(-1.0), reach(1.0));
-    // The rounded ray that the triangles are asked with may pass beside the world's.
+    // The rounded ray in object space may deviate from the ray in the world.
     let margin = DVec3::splat(slack) + 4.0 * f64::from(f32::EPSILON) * low.abs().max(high.abs());
     ((low - margin).as_vec3(), (high + margin).as_vec3())
 }

@@ -1,4 +1,4 @@
-//! Surfaces as lamps of modelling programs: unseen by the camera, and shining into a cone.
+//! Lamp surfaces of modelling programs: invisible to the camera, or with emission into a cone.
 
 use super::material::Material;
 use crate::math::Vec3;
@@ -6,9 +6,9 @@ use crate::math::Vec3;
 /// Properties that only a lamp's surface has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lamp {
-    /// True if the camera looks through it, from either side. All other rays meet it.
+    /// True if camera rays pass through it from either side. All other rays hit it.
     pub hidden: bool,
-    /// Cone into which it shines; without one it shines everywhere.
+    /// Cone into which it emits; `None` for all directions.
     pub cone: Option<Cone>,
 }
 
@@ -19,13 +19,13 @@ pub struct Cone {
     pub direction: Vec3,
     /// Cosine of the angle at which the fall-off begins.
     pub cos_inner: f32,
-    /// Cosine of the angle at which it ends, below that of its begin.
+    /// Cosine of the angle at which the fall-off ends, below `cos_inner`.
     pub cos_outer: f32,
 }
 
 impl Cone {
-    /// Share of the radiance in [0, 1] that leaves along the unit vector `dir`: a smooth step in the cosine, as Blender's spots
-    /// have it.
+    /// Share of the radiance in [0, 1] that leaves along the unit vector `dir`: a smooth step in the cosine, as in
+    /// Blender's spots.
     pub fn share(&self, dir: Vec3) -> f32 {
         let width = self.cos_inner - self.cos_outer;
         let x = ((dir.dot(self.direction) - self.cos_outer) / width).clamp(0.0, 1.0);
@@ -39,12 +39,12 @@ impl Material {
         self.finish.as_ref()?.lamp.as_ref()
     }
 
-    /// The cone into which it shines.
+    /// The cone into which it emits.
     pub(super) fn cone(&self) -> Option<&Cone> {
         self.lamp()?.cone.as_ref()
     }
 
-    /// True if the camera looks through it.
+    /// True if camera rays pass through it.
     pub(crate) fn is_hidden(&self) -> bool {
         self.lamp().is_some_and(|lamp| lamp.hidden)
     }

@@ -7,7 +7,7 @@ use crate::bsdf::{
 };
 use crate::math::{Rgb, Vec2};
 
-/// A metallic-roughness material with the extensions we model. Factors multiply textures.
+/// A metallic-roughness material with all supported extensions. Factors multiply textures.
 #[derive(Clone, Debug)]
 pub struct Material {
     /// Name in the file, for messages.
@@ -26,7 +26,7 @@ pub struct Material {
     pub emission: Rgb,
     /// True if the back side emits too, and is seen by the camera.
     pub double_sided: bool,
-    /// True if the file shows the material as a picture that nothing lights (`KHR_materials_unlit`): its emission is no lamp.
+    /// True for `KHR_materials_unlit`: the emission shows the file's colour and does not count as light of the file.
     pub unlit: bool,
     /// True if the camera sees the back, whether or not it emits.
     pub shows_back: bool,
@@ -34,18 +34,18 @@ pub struct Material {
     pub exact_wall: bool,
     /// Share of the light that is transmitted instead of scattered diffusely, in [0, 1].
     pub transmission: f32,
-    /// Index of refraction, at the wavelength of the line d where it disperses.
+    /// Index of refraction, at the d line (587.56 nm) for a dispersive body.
     pub ior: f32,
     /// 20 over the Abbe number of a solid body; 0 without dispersion.
     pub dispersion: f32,
     /// True if the surface bounds a solid body and refracts; otherwise transmission is thin-walled.
     pub solid: bool,
-    /// Priority where bodies overlap: the one of the highest is there; among equals the smaller body.
+    /// Priority where bodies overlap: the body with the highest counts; among equals the smaller one.
     pub priority: f32,
     /// Absorption coefficient of the body per unit length.
     pub absorption: Rgb,
     /// Weight in [0, 1] of the reflectance of a dielectric coat or thin wall, at all angles: its reflectance at grazing
-    /// incidence. The interface of a solid body has Fresnel's reflectance whatever this says.
+    /// incidence. It does not affect solid bodies, whose interfaces have Fresnel's reflectance.
     pub specular: f32,
     /// Factor of the reflectance of a dielectric coat or thin wall at normal incidence.
     pub specular_color: Rgb,
@@ -63,14 +63,14 @@ pub struct Material {
     pub emissive_texture: Option<TextureRef>,
     /// Transmission in red.
     pub transmission_texture: Option<TextureRef>,
-    /// True if a body has the base colour's square root for its tint, since light passes two of its interfaces.
+    /// True if a body's tint is the square root of the base colour, since light passes two of its interfaces.
     pub root_tint: bool,
-    /// Medium that fills the body in place of its absorption; `None` for nothing but that, or for what is around it where
-    /// [boundaries know both their sides](super::SceneParts::own_boundaries).
+    /// Medium that fills the body and replaces its absorption. `None` for absorption alone or, with no absorption and
+    /// [own boundaries](super::SceneParts::own_boundaries), for the medium around the body.
     pub medium: Option<Box<Medium>>,
     /// Phase function; `None` for all materials but those that a scene adds for its media.
     pub phase: Option<Phase>,
-    /// Clear coat, brushing and other rare parts; apart, since few materials have one and all are read at every hit.
+    /// Clear coat, brushing and other rare parts; boxed, since few materials have one and every hit reads a material.
     pub finish: Option<Box<Finish>>,
 }
 
@@ -82,9 +82,9 @@ pub enum AlphaMode {
     Opaque,
     /// Cut-out: the surface exists where opacity is at least the cutoff.
     Mask(f32),
-    /// Stochastic: opacity is the probability that a ray meets the surface.
+    /// Stochastic: opacity is the probability that a ray hits the surface.
     Blend,
-    /// No ray meets the surface, which lights the scene all the same: a lamp that is not seen.
+    /// No ray hits the surface, but its emission lights the scene: an invisible lamp.
     Unseen,
 }
 
@@ -95,17 +95,17 @@ pub struct TextureRef {
     pub texture: u32,
     /// `KHR_texture_transform` as an affine map of (u, v, 1).
     pub transform: glam::Affine2,
-    /// True if it takes the mesh's second pair of coordinates.
+    /// True if it uses the mesh's second pair of texture coordinates.
     pub second: bool,
 }
 
 /// Texture coordinates of a point.
 pub(crate) trait Coordinates: Copy {
-    /// The coordinates that a texture takes.
+    /// The coordinates that a texture uses.
     fn of(self, map: &TextureRef) -> Vec2;
 }
 
-/// The first pair, of materials whose textures all take it.
+/// The first pair, for materials whose textures all use it.
 impl Coordinates for Vec2 {
     #[inline(always)]
     fn of(self, _: &TextureRef) -> Vec2 {
@@ -185,7 +185,7 @@ impl Material {
         self.look_over(textures, uv, None)
     }
 
-    /// The same, with the colour of a footprint that these half axes in texture coordinates span, where there are any.
+    /// [`Material::look`], with the mean colour over the footprint of these half axes in texture coordinates, if any.
     #[inline(always)]
     pub(super) fn look_over(
         &self,
@@ -205,7 +205,7 @@ impl Material {
         if let Some(map) = &self.metallic_roughness_texture {
             let [_, roughness, metal, _] = map.sample(textures, uv);
             metallic *= metal;
-            // The texture holds √α; filtering comes before squaring, as in other glTF renderers.
+            // The texture stores √α, which is filtered before squaring as in other glTF renderers.
             alpha *= roughness * roughness;
         }
         let mut transmission = self.transmission;
@@ -222,7 +222,7 @@ impl Material {
         }
     }
 
-    /// The BSDF where the material looks so; see [`Material::bsdf`].
+    /// The BSDF for these values; see [`Material::bsdf`].
     #[inline(always)]
     pub(super) fn bsdf_of(&self, look: &Look, u: f32) -> Bsdf {
         let &Look {
@@ -305,12 +305,12 @@ impl Material {
         }
     }
 
-    /// Probability in [0, 1] that a ray meets the surface at texture coordinates `uv`.
+    /// Probability in [0, 1] that a ray hits the surface at texture coordinates `uv`.
     pub(crate) fn presence(&self, textures: &[Texture], uv: Vec2) -> f32 {
         self.presence_of(textures, uv, 1.0)
     }
 
-    /// [`Material::presence`] of a surface with an opacity of its own.
+    /// [`Material::presence`] of a surface with a further factor `own` of its opacity.
     pub(super) fn presence_of(&self, textures: &[Texture], uv: impl Coordinates, own: f32) -> f32 {
         let opacity = || {
             let texel = (self.base_color_texture.as_ref()).map(|map| map.sample(textures, uv)[3]);
@@ -324,7 +324,7 @@ impl Material {
         }
     }
 
-    /// Share of its emission that a surface with holes has at `uv`.
+    /// Factor of the emission at `uv`: the surface's presence, or 1 for an invisible lamp.
     pub(crate) fn shining(&self, textures: &[Texture], uv: Vec2) -> f32 {
         match self.alpha_mode {
             AlphaMode::Unseen => 1.0,
@@ -337,7 +337,7 @@ impl Material {
         self.metallic < 1.0 && self.transmission < 1.0
     }
 
-    /// True if the surface is a pane: a smooth thin wall, which lets light straight through and is dark itself.
+    /// True if the surface is a pane: a smooth thin wall, which transmits light straight and does not emit.
     pub(crate) fn is_pane(&self) -> bool {
         !self.solid
             && self.transmission > 0.0
@@ -372,7 +372,7 @@ impl Material {
         self.transmission > 0.0 && self.metallic < 1.0
     }
 
-    /// True if the surface bounds a body and does nothing else, where its index is that against what is outside.
+    /// True if the surface bounds a body and does not change light, provided that `ior` is relative to the outside.
     pub(crate) fn is_null(&self) -> bool {
         self.bounds_body() && is_matched(self.ior) && self.is_clear() && self.emission == Rgb::ZERO
     }
@@ -384,7 +384,7 @@ impl Material {
         self.transmits() && !always || self.is_covered()
     }
 
-    /// True if the surface does nothing to light but reflect and refract it, all colours alike.
+    /// True if the surface only reflects and refracts light, equally for all colours.
     pub(crate) fn is_clear(&self) -> bool {
         self.transmission == 1.0
             && self.dispersion == 0.0
@@ -415,9 +415,9 @@ impl Material {
         })
     }
 
-    /// The texture whose mean over a pixel may take the place of its values there: the base colour's, where the light that a
-    /// surface scatters is linear in it and no other texture varies with it. The mean of a product is not the product of means:
-    /// what is metal, transparent or turned by a normal map is often of another colour.
+    /// The texture that its mean over a pixel may replace: the base colour's, if the scattered light is linear in it
+    /// and no other texture varies with it. The mean of a product is not the product of means: metallic, transparent or
+    /// bumped parts often have another colour.
     pub(super) fn filtered(&self, textures: &[Texture]) -> Option<u32> {
         let map = self.base_color_texture.as_ref()?;
         let alone = self.finish.is_none()
@@ -466,7 +466,7 @@ impl TextureRef {
         textures[self.texture as usize].sample(self.transform.transform_point2(uv.of(self)))
     }
 
-    /// The colour over a footprint, of which these are half axes in the mesh's texture coordinates.
+    /// The mean colour over a footprint with these half axes in the mesh's texture coordinates.
     fn sample_over(&self, textures: &[Texture], uv: impl Coordinates, axes: [Vec2; 2]) -> [f32; 4] {
         let uv = self.transform.transform_point2(uv.of(self));
         let axes = axes.map(|axis| self.transform.transform_vector2(axis));

@@ -5,7 +5,7 @@ use crate::bsdf::phase::MAX_MEAN_COSINE;
 use crate::bsdf::{Bsdf, Phase};
 use crate::math::{Ray, Rgb, Vec2};
 
-/// Stands in place of a triangle for a point of a medium.
+/// Triangle of a point in a medium, which has none.
 const NO_TRIANGLE: TriangleId = TriangleId::single(u32::MAX);
 
 /// A homogeneous medium, with the phase function of Henyey and Greenstein.
@@ -15,12 +15,12 @@ pub struct Medium {
     pub absorption: Rgb,
     /// Scattering coefficient σs ≥ 0 per unit length.
     pub scattering: Rgb,
-    /// Mean cosine g of the deflection in (−1, 1); taken for ±0.999 beyond that.
+    /// Mean cosine g of the deflection in (−1, 1); clamped to ±0.999.
     pub mean_cosine: f32,
 }
 
 impl Medium {
-    /// True if nothing is there.
+    /// True if the medium neither absorbs nor scatters.
     pub(crate) fn is_vacuum(&self) -> bool {
         self.absorption == Rgb::ZERO && self.scattering == Rgb::ZERO
     }
@@ -38,7 +38,7 @@ impl Medium {
     }
 }
 
-/// A medium as paths see it.
+/// A medium in the form that paths use.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Filling {
     /// Extinction coefficient σa + σs.
@@ -58,7 +58,7 @@ impl Filling {
         self.extinction.map(of)
     }
 
-    /// The point at which light that came along a ray is scattered: a surface across the ray whose BSDF is the phase function.
+    /// The scattering vertex at a distance along a ray: a surface across the ray whose BSDF is the phase function.
     pub(crate) fn point(&self, ray: &Ray, distance: f32) -> Surface {
         Surface {
             position: ray.origin + distance * ray.dir,
@@ -95,7 +95,7 @@ impl Surface {
 /// The media of a scene.
 #[derive(Clone, Debug)]
 pub(crate) struct Media {
-    /// Media that fill the bodies of each material; `None` for one that leaves the medium around it as it is.
+    /// Medium that fills the bodies of each material; `None` if they contain the medium around them.
     bodies: Vec<Option<Filling>>,
     /// Medium outside of all bodies.
     outside: Filling,
@@ -104,15 +104,15 @@ pub(crate) struct Media {
 }
 
 impl Media {
-    /// The media of the bodies, and of the whole scene; `None` where no path must know of any. Appends a material for each that
-    /// scatters.
+    /// The media of the bodies and of the whole scene; `None` if paths need none beyond the absorption of bodies.
+    /// Appends a material for each phase function.
     pub(super) fn of(parts: &mut SceneParts) -> Option<Self> {
         let own = |m: &Material| m.medium.as_deref().filter(|_| m.bounds_body()).copied();
         let whole = parts.medium.filter(|medium| !medium.is_vacuum());
         if whole.is_none() && !parts.materials.iter().any(|m| own(m).is_some()) {
             return None;
         }
-        // A body of a file that says of each boundary what is on its sides holds what is around it, unless that says else.
+        // With own boundaries, a body without a medium or absorption contains the medium around it.
         let inherits = parts.own_boundaries;
         let media: Vec<Option<Medium>> = (parts.materials.iter())
             .map(|m| {
@@ -145,7 +145,7 @@ impl Media {
         })
     }
 
-    /// Medium that fills the bodies of a material; `None` for one that leaves the medium around it as it is.
+    /// Medium that fills the bodies of a material; `None` if they contain the medium around them.
     #[inline]
     pub(crate) fn of_body(&self, material: u32) -> Option<&Filling> {
         self.bodies.get(material as usize)?.as_ref()
@@ -157,18 +157,18 @@ impl Media {
         &self.outside
     }
 
-    /// True if any of them scatters.
+    /// True if any medium scatters.
     pub(crate) fn scatters(&self) -> bool {
         self.scatters
     }
 
-    /// True if any of them scatters more light in some directions than in others.
+    /// True if any medium scatters anisotropically.
     pub(crate) fn has_lobes(&self) -> bool {
         self.has_lobes
     }
 }
 
-/// Number of the material of a phase function.
+/// Index of the material of a phase function, which is appended if it is new.
 fn phase_material(materials: &mut Vec<Material>, phase: Phase) -> u32 {
     let known = (materials.iter()).position(|m| m.phase == Some(phase));
     let place = known.unwrap_or_else(|| {
@@ -183,7 +183,7 @@ fn phase_material(materials: &mut Vec<Material>, phase: Phase) -> u32 {
 }
 
 impl Material {
-    /// The phase function, of the material of a medium.
+    /// The phase function, for the material of a medium.
     pub(super) fn phase_bsdf(&self) -> Option<Bsdf> {
         self.phase.map(Bsdf::Phase)
     }

@@ -1,4 +1,4 @@
-//! Triangle meshes, and attributes between their corners.
+//! Triangle meshes, and the interpolation of their attributes.
 
 use super::normals::along_u;
 use crate::math::{DVec3, Vec2, Vec3};
@@ -29,8 +29,8 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Tangents along u for a smooth mesh with texture coordinates: means over the faces at each vertex, by their areas. A
-    /// mesh without either keeps the direction of each face.
+    /// Sets tangents along u for a mesh with normals and texture coordinates: means over the faces at each vertex,
+    /// weighted by area. Other meshes stay as they are.
     pub fn derive_tangents(&mut self) {
         if self.uvs.is_empty() || self.normals.is_empty() {
             return;
@@ -55,7 +55,7 @@ impl Mesh {
         self.tangents = sums.into_iter().map(unit).collect();
     }
 
-    /// The mesh at a pose. A mirroring one keeps the front the front.
+    /// The mesh at a pose. The front stays the front under a mirroring pose.
     pub fn at(&self, pose: &DAffine3) -> Self {
         let mirrors = pose.matrix3.determinant() < 0.0;
         let sign = if mirrors { -1.0 } else { 1.0 };
@@ -79,13 +79,13 @@ impl Mesh {
     }
 }
 
-/// A mesh that the scene shows at several poses and keeps once. Its material must not emit: light sampling knows the
-/// triangles of [`SceneParts::meshes`](super::SceneParts::meshes) only.
+/// A mesh that is stored once and shown at several poses. Its material must not emit: light sampling covers only the
+/// triangles of [`SceneParts::meshes`](super::SceneParts::meshes).
 #[derive(Clone, Debug, Default)]
 pub struct SharedMesh {
     /// The mesh in its own space.
     pub mesh: Mesh,
-    /// The ways from there to the world, one for each instance. A mirroring one keeps the front the front.
+    /// Transforms from mesh space to the world, one per instance. The front stays the front under a mirroring one.
     pub poses: Vec<DAffine3>,
 }
 

@@ -1,7 +1,7 @@
-//! The world: geometry, materials, lights and cameras, immutable after it is built.
+//! Scenes: geometry, materials, lights and cameras, immutable after they are built.
 //!
-//! A [`Scene`] is made from [`SceneParts`] (plain data, filled by [`load`] or [`procedural`]). Indices are typed by
-//! their field names; nothing holds references.
+//! A [`Scene`] is made from [`SceneParts`] (plain data, filled by [`load`] or [`procedural`]). Parts refer to each
+//! other by indices, which the names of their fields explain.
 
 use crate::bsdf::Bsdf;
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
@@ -51,7 +51,7 @@ pub use parts::SceneParts;
 pub use sensor::{Footprint, Sensor, Sighting};
 pub use texture::{Texels, Texture, Wrap};
 
-/// A point of a surface, the same for every ray that meets it.
+/// A point of a surface. Except for `rise` it does not depend on the ray that hits it.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
     /// World position.
@@ -66,12 +66,12 @@ pub struct Surface {
     pub triangle: TriangleId,
     /// Index of the material.
     pub material: u32,
-    /// Cosine with `ng` that the mirror image of a direction about [`Surface::frame_for`]'s normal keeps.
+    /// Least cosine with `ng` of the mirror image of a direction about the normal of [`Surface::frame_for`].
     pub least_reflected: f32,
     /// Distance from `position` along ±`ng` at which a ray is clear of this surface's rounding error.
     pub error: f32,
-    /// Height along `ng` of the curved opaque surface for which a flat triangle stands, at the front side that a camera walk has met; 0
-    /// for all others. See [`Scene::surface_along`].
+    /// Height along `ng` of the curved opaque surface that a flat triangle approximates, if a camera walk has hit its
+    /// front; 0 otherwise. See [`Scene::surface_along`].
     pub rise: f32,
 }
 
@@ -80,25 +80,25 @@ pub struct Scene {
     parts: SceneParts,
     geometry: Geometry,
     lights: Lights,
-    /// The BSDF of each material that has the same everywhere.
+    /// For each material, its BSDF if this is the same at every point.
     constant_bsdfs: Vec<Option<Bsdf>>,
-    /// True for each material whose colour the camera sees as a mean over its pixels; empty if there are none.
+    /// For each material, true if cameras see its colour as a mean over a pixel's footprint; empty if none.
     filtered: Vec<bool>,
     features: Features,
     media: Option<Box<Media>>,
-    /// Rank of each material where bodies overlap.
+    /// Rank of each material: the highest rank determines the medium where bodies overlap.
     ranks: Vec<u32>,
     /// True for each material that is a [pane](Material::is_pane); empty if no surface is one.
     panes: Vec<bool>,
-    /// For each material, true if no light can reach its bodies' surfaces from inside of them; found when first asked for,
-    /// since smooth bodies never ask.
+    /// For each material, true if no light can reach the surfaces of its bodies from inside. Computed on first use,
+    /// since smooth bodies never need it.
     dark_inside: OnceLock<Vec<bool>>,
     warnings: Vec<String>,
 }
 
 impl Scene {
-    /// Builds the tree and the light distributions. Degenerate input is dropped and listed in [`Scene::warnings`], and so are
-    /// meshes that bound no body though their material should: they become thin walls.
+    /// Builds the tree and the light distributions. Degenerate input is dropped, and meshes with the material of a body
+    /// become thin walls if they bound none. [`Scene::warnings`] lists both.
     pub fn new(parts: SceneParts) -> Self {
         let mut scene = Self::build(parts, true);
         let passes = scene.media.is_some() && scene.parts.materials.iter().any(Material::is_null);
@@ -125,8 +125,8 @@ impl Scene {
         scene
     }
 
-    /// The scene without trees, and without a search for bodies that overlap: to be described, not rendered. No ray meets
-    /// what is not shared.
+    /// The scene without a tree over unshared meshes, so that no ray hits these, and without a search for overlapping
+    /// bodies: for descriptions, not for rendering.
     pub fn outline(parts: SceneParts) -> Self {
         Self::build(parts, false)
     }
@@ -136,7 +136,7 @@ impl Scene {
         self.parts.cameras = cameras;
     }
 
-    /// The scene in an environment, with the same trees.
+    /// The scene with its environment replaced and the same trees.
     pub(crate) fn surrounded(mut self, environment: Environment) -> Self {
         self.parts.environment = Some(environment);
         self.warnings.retain(|warning| warning != light::BLACK);
@@ -184,13 +184,13 @@ impl Scene {
         &self.parts
     }
 
-    /// Contents that change the work of its paths.
+    /// Contents of the scene that require extra work of its paths.
     #[inline(always)]
     pub fn features(&self) -> Features {
         self.features
     }
 
-    /// The media of the scene; `None` where no path must know of any but what bodies absorb.
+    /// The media of the scene; `None` if paths need none beyond the absorption of bodies.
     #[inline]
     pub(crate) fn media(&self) -> Option<&Media> {
         self.media.as_deref()
@@ -207,19 +207,19 @@ impl Scene {
         self.features.dispersion || self.features.overlaps
     }
 
-    /// True if a path must know the bodies around it.
+    /// True if a path must track the bodies that contain it.
     #[inline]
     pub(crate) fn tracks_bodies(&self) -> bool {
         self.features.absorption || self.features.overlaps || self.media.is_some()
     }
 
-    /// Rank of a material where bodies overlap: that of the highest is there.
+    /// Rank of a material: where bodies overlap, the material of the highest rank counts.
     #[inline]
     pub fn rank(&self, material: u32) -> u32 {
         self.ranks[material as usize]
     }
 
-    /// True if a ray that starts on a surface of this material towards its inside can meet no light before that body ends.
+    /// True if a ray from a surface of this material into its body can reach no light before it leaves the body.
     #[inline]
     pub(crate) fn is_dark_inside(&self, material: u32) -> bool {
         self.dark_inside.get_or_init(|| self.find_dark_insides())[material as usize]
@@ -236,21 +236,21 @@ impl Scene {
         &self.lights
     }
 
-    /// Closest hit in front of the ray's origin; parts that opacity removes are skipped.
+    /// Closest hit in front of the ray's origin, without hits that opacity removes.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         self.geometry.intersect(&self.parts, ray)
     }
 
-    /// The distance at which a ray first meets a surface whose normal is within acos(`least`) of `normal`, and the cosine
-    /// between the two. Opacity counts as full.
+    /// The distance at which a ray first hits a surface whose normal is within acos(`least`) of `normal`, and the
+    /// cosine between the two. Every surface counts as opaque.
     pub(crate) fn closest_facing(&self, ray: &Ray, normal: Vec3, least: f32) -> Option<(f32, f32)> {
         let cos = |triangle| self.geometry.triangle_normal(triangle).dot(normal);
         let hit = (self.geometry).closest_of(ray, |triangle| cos(triangle) > least)?;
         Some((hit.t, cos(hit.triangle)))
     }
 
-    /// True if the disk of a radius around a surface point lies in its triangle.
+    /// True if the disk of this radius around a surface point lies in its triangle.
     #[inline]
     pub(crate) fn inside_triangle(&self, surface: &Surface, radius: f32) -> bool {
         let [a, b, c] = self.geometry.triangle(surface.triangle);
@@ -262,9 +262,8 @@ impl Scene {
         within(a, b) && within(b, c) && within(c, a)
     }
 
-    /// True where a camera's ray along `dir` passes through what it met: the back of a surface that shows its front alone, or
-    /// a lamp that shows neither.
-    /// All other rays meet both sides, so that light is the same with and without.
+    /// True if a camera ray along `dir` passes through its hit: the back of a surface that shows only its front, or a
+    /// lamp that shows neither side. All other rays hit both sides, so that the illumination does not change.
     #[inline]
     pub(crate) fn hides_back(&self, hit: &Hit, dir: Vec3) -> bool {
         self.geometry.hides_back(hit.triangle, dir)
@@ -276,7 +275,7 @@ impl Scene {
         !surface.is_in_medium() && self.geometry.hides_back(surface.triangle, dir)
     }
 
-    /// [`Scene::intersect`] for a ray of the camera.
+    /// [`Scene::intersect`] for a camera ray, which passes through surfaces that are hidden from the camera.
     pub fn intersect_seen(&self, ray: &Ray) -> Option<Hit> {
         let (mut rest, mut before) = (*ray, 0.0);
         for _ in 0..bodies::MAX_SURFACES {
@@ -291,7 +290,7 @@ impl Scene {
         None
     }
 
-    /// The surface that a camera ray shows: that of [`Scene::intersect_seen`], behind boundaries of media.
+    /// The surface that a camera ray shows: the first of [`Scene::intersect_seen`] that does not just bound a medium.
     pub(crate) fn surface_seen(&self, ray: &Ray) -> Option<(Hit, Surface)> {
         let (mut rest, mut before) = (*ray, 0.0);
         for _ in 0..bodies::MAX_SURFACES {
@@ -318,15 +317,15 @@ impl Scene {
         !self.panes.is_empty()
     }
 
-    /// True for a smooth thin wall. Light samples pass it straight, so that its transmission is no scattering: emission
-    /// behind it belongs to the vertex before it.
+    /// True for a smooth thin wall. Shadow rays pass straight through it, so that its transmission does not count as
+    /// scattering: emission behind it counts at the vertex before it.
     #[inline]
     pub(crate) fn is_pane(&self, surface: &Surface) -> bool {
         self.has_panes() && self.panes[surface.material as usize]
     }
 
-    /// Transmittance of a pane straight along `dir`, which leads away from the camera; `None` for other surfaces, and where
-    /// nothing is transmitted.
+    /// Transmittance of a pane straight along `dir`, which leads away from the camera; `None` for other surfaces, and
+    /// where the drawn BSDF does not transmit.
     pub(crate) fn straight(&self, surface: &Surface, dir: Vec3) -> Option<Rgb> {
         if !self.is_pane(surface) {
             return None;
@@ -382,7 +381,7 @@ impl Scene {
         }
     }
 
-    /// The same for a ray of a camera walk that arrives along `dir`: with its [rise](Surface::rise) if it is seen from its front.
+    /// The surface at a hit of a camera walk along `dir`, with its [rise](Surface::rise) if the hit is on its front.
     #[inline]
     pub fn surface_along(&self, hit: &Hit, dir: Vec3) -> Surface {
         let mut surface = self.geometry.surface(&self.parts, hit);
@@ -399,23 +398,23 @@ impl Scene {
     }
 
     /// The BSDF at a surface point; `u` in [0, 1) chooses between the two BSDFs of a partly transmissive material, and
-    /// between a clear coat and its base. Where that has a normal of its own the surface gets it.
+    /// between a clear coat and its base. Sets the normal of the surface if the choice has its own.
     #[inline(always)]
     pub fn bsdf(&self, surface: &mut Surface, u: f32) -> Bsdf {
         self.bsdf_seen(surface, u, || None)
     }
 
-    /// The BSDF of a material that has the same everywhere. By reference: a copy is written in parts and read whole, which
-    /// waits for the parts.
+    /// The BSDF of a material if it is the same at every point. A reference, since a copy is written in parts and read
+    /// whole, which stalls until all parts are stored.
     #[inline]
     pub(crate) fn constant_bsdf(&self, material: u32) -> Option<&Bsdf> {
         self.constant_bsdfs[material as usize].as_ref()
     }
 
-    /// The same where the camera sees it, over the footprint of a pixel if there is one.
+    /// [`Scene::bsdf`] of a surface that the camera sees, as a mean over the footprint of a pixel if there is one.
     ///
-    /// The first surface that the camera sees, by way of panes or not, is looked up so by every integrator and every strategy,
-    /// so that their weights agree. All others are looked up at a point.
+    /// Every integrator and every strategy uses it for the first surface that the camera sees, directly or through
+    /// panes, so that their MIS weights agree. For all other surfaces textures are looked up at a point.
     #[inline(always)]
     pub fn bsdf_seen(
         &self,
@@ -423,27 +422,27 @@ impl Scene {
         u: f32,
         footprint: impl FnOnce() -> Option<Footprint>,
     ) -> Bsdf {
-        // A copy of what was just computed would wait for its stores.
+        // Copied from the table: a copy of a value that was just computed would wait for its stores.
         match self.constant_bsdfs[surface.material as usize] {
             Some(bsdf) => bsdf,
             None => self.varying_bsdf(surface, u, footprint()),
         }
     }
 
-    /// True if the camera sees the colour of a surface of this material as a mean over its pixels.
+    /// True if cameras see the colour of this material as a mean over a pixel's footprint.
     #[inline]
     pub(crate) fn is_filtered(&self, material: u32) -> bool {
         self.filtered.get(material as usize) == Some(&true)
     }
 
-    /// True if that is so of any surface.
+    /// True if [`Scene::is_filtered`] is true for any material.
     #[inline]
     pub(crate) fn has_filtered(&self) -> bool {
         !self.filtered.is_empty()
     }
 
-    /// Reflectance of a surface, of which a path has drawn this BSDF. Under a coat or a sheen it is that of the base, whichever is drawn:
-    /// few samples show it without noise. A mixture has that of the material drawn.
+    /// Reflectance of a surface whose BSDF is drawn as `drawn`. Under a coat or a sheen it is the base's, whichever is
+    /// drawn, so that even few samples show no noise. A mixture has the reflectance of the drawn material.
     pub(crate) fn reflectance(&self, surface: &Surface, drawn: &Bsdf) -> Rgb {
         match &self.material(surface).finish {
             Some(finish) if finish.covers() && finish.mix.is_none() => {
@@ -476,16 +475,16 @@ impl Scene {
         bsdf
     }
 
-    /// The emission at the end of a ray, as light sampling from the ray's origin sees it; `None` if the ray ends on
-    /// something dark.
+    /// The emission at the end of a ray, with the density of light sampling from its origin; `None` if nothing emits
+    /// there.
     ///
-    /// For regularised lobe samples, whose ray counts emission only: the lights are asked first, so that a ray that
-    /// meets none of them never walks the whole scene.
+    /// For regularised lobe samples, whose rays count emission only. The lights are traversed first, so that a ray that
+    /// hits none of them does not traverse the whole scene.
     #[inline]
     pub fn emission_along(&self, ray: &Ray) -> Option<Emission> {
         let lights = &self.lights;
         let met = lights.closest(ray);
-        // Opacity may remove the emitter itself: then only the whole scene can tell.
+        // Opacity may remove the emitter itself, which only a traversal of the whole scene takes into account.
         let whole = met.is_some() && self.geometry.has_opacity();
         let hit = if whole { self.intersect(ray) } else { met };
         let hidden = |t_max| !whole && self.occluded(&Ray { t_max, ..*ray });
@@ -509,7 +508,7 @@ impl Scene {
 }
 
 impl Scene {
-    /// The emission of what a ray met first: a surface, or without one the environment.
+    /// The emission of the surface that a ray has hit, or of the environment without a hit; `None` if it is zero.
     pub(crate) fn emission_at(&self, ray: &Ray, hit: Option<Hit>) -> Option<Emission> {
         let lights = &self.lights;
         let emission = match hit {
@@ -532,11 +531,11 @@ impl Scene {
 }
 
 impl Surface {
-    /// Shading frame for light that leaves or arrives along `w`: its normal is `ns`, bent towards `ng` just so far that
-    /// the mirror image of `w` about it lies on the side of `w`.
+    /// Shading frame for light that leaves or arrives along `w`. Its normal is `ns`, bent towards `ng` just so far that
+    /// the mirror image of `w` has a cosine of [`Surface::least_reflected`] with `ng` on the side of `w`.
     ///
-    /// A BSDF's value is a function of the frame for the direction towards the camera; the density of a walk is one of
-    /// the frame for the direction the walk came from. Where neither direction bends `ns` these are equal bit for bit.
+    /// The value of a BSDF uses the frame for the direction towards the camera; the density of a walk uses the frame
+    /// for the direction from which it came. Where neither direction bends `ns`, the frames are equal bit for bit.
     #[inline]
     pub fn frame_for(&self, w: Vec3) -> Frame {
         Frame::from_normal(self.bent_normal(w))
@@ -547,7 +546,7 @@ impl Surface {
         normals::bent(self.ns, self.ng, w, self.least_reflected)
     }
 
-    /// [`Surface::frame_for`] `w`, bit for bit: hardly ever another than a frame for another direction, which is `known`.
+    /// [`Surface::frame_for`] `w` bit for bit. Reuses `known`, the frame for another direction, if it is equal.
     #[inline]
     pub(crate) fn frame_near(&self, known: &Frame, w: Vec3) -> Frame {
         let n = self.bent_normal(w);
@@ -558,14 +557,14 @@ impl Surface {
         }
     }
 
-    /// True if a walk from the camera may go on towards `w`, with the cosine `z` in its shading frame. Both normals agree about the
-    /// side, or the triangle's plane alone hides what the curved surface sees: such rays set out from the latter.
+    /// True if a camera walk may go on towards `w`, whose cosine in the shading frame is `z`. Either both normals agree
+    /// on the side, or `w` is below the triangle's plane but above the curved surface, from which such rays start.
     #[inline]
     pub(crate) fn leaves(&self, w: Vec3, z: f32) -> bool {
         w.dot(self.ng) * z > 0.0 || (z > 0.0 && self.is_below(w))
     }
 
-    /// True for a direction below the triangle's plane that its curved surface sees. No light arrives at the triangle along it.
+    /// True for a direction below the plane of a triangle of a curved surface; the triangle gets no light from there.
     #[inline]
     pub(crate) fn is_below(&self, w: Vec3) -> bool {
         self.rise > 0.0 && w.dot(self.ng) <= 0.0
@@ -582,7 +581,7 @@ impl Surface {
         Ray::new(self.position + side * self.ng, dir)
     }
 
-    /// The same for a direction along which a walk leaves, which may be below the plane of a facet of a curved surface.
+    /// [`Surface::spawn`] for a walk, whose direction may be below the plane of a triangle of a curved surface.
     #[inline]
     pub fn spawn_leaving(&self, dir: Vec3) -> Ray {
         if self.is_below(dir) {
@@ -592,7 +591,7 @@ impl Surface {
         self.spawn(dir)
     }
 
-    /// The same for the point at a distance along `dir`, and the length to there.
+    /// [`Surface::spawn_leaving`] towards the point at `distance` along `dir`, and the distance from its origin.
     #[inline]
     fn spawn_towards(&self, dir: Vec3, distance: f32) -> (Ray, f32) {
         let ray = self.spawn_leaving(dir);
@@ -618,8 +617,8 @@ impl Surface {
     #[inline]
     pub fn spawn_to_light(&self, light: &LightSample) -> Ray {
         let (mut ray, distance) = self.spawn_towards(light.wi, light.distance);
-        // The light's own surface must not hide it, but a sheet just before it must. A rounding error e along the normal
-        // moves the meeting point by e over the cosine. For a light at infinity the difference stays infinite.
+        // The light's own surface must not hide it, but a sheet just before it must. A rounding error e along the
+        // normal moves the hit by e over the cosine. For a light at infinity the difference stays infinite.
         let slack = (self.error + light.error) / light.cos;
         ray.t_max = (distance - slack).max(0.5 * distance);
         ray

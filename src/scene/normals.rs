@@ -28,7 +28,7 @@ pub(super) fn tangent(
     along_u(uvs?.map(|uv| map.transform.transform_point2(uv)), edges, ns)
 }
 
-/// Direction in which u of a triangle's corners grows, and the handedness; `None` where the coordinates span no area.
+/// Direction in which u increases over a triangle, and the handedness; `None` if the texture coordinates span no area.
 pub(super) fn along_u([a, b, c]: [Vec2; 3], edges: [Vec3; 2], ns: Vec3) -> Option<(Vec3, f32)> {
     let (d, e) = (b - a, c - a);
     let det = d.perp_dot(e);
@@ -63,16 +63,16 @@ pub(super) fn lifted(ns: Vec3, ng: Vec3) -> Vec3 {
     }
 }
 
-/// True if the normals of a triangle's corners are those of a curved surface: they differ, and none is so far from the triangle's own
-/// that they round an edge.
+/// True if the normals at a triangle's corners are those of a curved surface: they differ, and all are close enough to
+/// the triangle's own normal that they do not smooth an edge.
 pub(super) fn is_curved([a, b, c]: &[Vec3; 3], ng: Vec3) -> bool {
     let least = [a, b, c].map(|n| n.dot(ng).abs());
     let alike = a.dot(*b).min(b.dot(*c)).min(c.dot(*a));
     least.into_iter().fold(1.0, f32::min) > 0.7 && alike < 0.9999
 }
 
-/// Height over a point of a triangle of the smooth surface for which it stands: the mean distance below the planes through its corners
-/// across their normals, as `corners` are seen from the point `[Hanika21]`. 0 where the surface is hollow.
+/// Height of the smooth surface over a point of its triangle: the weighted mean of the point's distances below the
+/// tangent planes at the corners `[Hanika21]`. `corners` are relative to the point. 0 where the surface is concave.
 pub(super) fn rise(weights: &[f32; 3], corners: &[Vec3; 3], normals: &[Vec3; 3], ng: Vec3) -> f32 {
     let mut height = 0.0;
     for ((weight, corner), n) in weights.iter().zip(corners).zip(normals) {
@@ -82,25 +82,25 @@ pub(super) fn rise(weights: &[f32; 3], corners: &[Vec3; 3], normals: &[Vec3; 3],
     height
 }
 
-/// Cosine with the geometric normal that the mirror image of a direction about a bent shading normal keeps. Where it is less, a
-/// rough lobe about the mirror direction loses half of its light below the surface.
+/// Least cosine with the geometric normal of the mirror image of a direction about a bent shading normal, for opaque
+/// rough surfaces. With less, a rough lobe about the mirror direction loses half of its light below the surface.
 pub(super) const LEAST_ROUGH: f32 = 0.08;
 
-/// The same for smooth surfaces, whose Fresnel reflectance falls the more a normal bends, and for those that light also goes
-/// through, where more of it would leave on the wrong side.
+/// [`LEAST_ROUGH`] for smooth surfaces, whose Fresnel reflectance decreases as the normal bends, and for transmissive
+/// ones, where more light would leave on the wrong side.
 pub(super) const LEAST_SMOOTH: f32 = 0.01;
 
-/// The same for surfaces that scatter all light diffusely: the normal bends just so far that `w` is on its side.
+/// [`LEAST_ROUGH`] for diffuse surfaces: the normal bends just so far that `w` is on its side.
 pub(super) const LEAST_MATT: f32 = -1.0;
 
-/// Bends a shading normal on the side of `ng` towards `ng`, just so far that the mirror image of `w` about it has a cosine of `least`
-/// with `ng`, or 0.9 of that of `w` if this is less. The same for `w` and `-w`.
+/// Bends a shading normal on the side of `ng` towards `ng`, just so far that the mirror image of `w` has a cosine of
+/// `least` with `ng`, or 0.9 times that of `w` if this is less. The same for `w` and `-w`.
 ///
-/// A mirror direction below the surface is light that a smooth or glossy lobe loses: dark rims of coarse meshes, black ripples of
-/// normal maps.
+/// A smooth or glossy lobe loses light if its mirror direction is below the surface: coarse meshes get dark rims,
+/// normal maps black ripples.
 #[inline]
 pub(super) fn bent(ns: Vec3, ng: Vec3, w: Vec3, least: f32) -> Vec3 {
-    // Flat surfaces have one normal.
+    // On flat surfaces both normals are equal.
     if ns == ng {
         return ns;
     }
@@ -123,7 +123,7 @@ fn bent_to(ns: Vec3, ng: Vec3, w: Vec3, least: f32) -> Vec3 {
         return ng;
     };
     let s = w.dot(across);
-    // The mirror image is (least, high), and the normal halves the angle between both; for s < 0 without cancellation.
+    // The mirror image is (least, high), and the normal bisects its angle with `w`; for s < 0 without cancellation.
     let high = (c * c + s * s - least * least).max(0.0).sqrt();
     let lean = if s > 0.0 {
         s + high

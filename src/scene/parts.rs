@@ -14,8 +14,8 @@ use std::collections::HashMap;
 pub struct SceneParts {
     /// Triangle meshes in world space.
     pub meshes: Vec<Mesh>,
-    /// Meshes that are shown at several poses and kept once. The program shares where copies would take much memory; see
-    /// [`load`](super::load).
+    /// Meshes that are stored once and shown at several poses. Loaders share a mesh if copies would take much memory;
+    /// see [`load`](super::load).
     pub shared: Vec<SharedMesh>,
     /// Materials; `Mesh::material` is an index into this list.
     pub materials: Vec<Material>,
@@ -29,8 +29,8 @@ pub struct SceneParts {
     pub medium: Option<Medium>,
     /// Cameras, in file order.
     pub cameras: Vec<Camera>,
-    /// True if each boundary of a body knows both its sides: it refracts by its own index, whatever it bounds and whatever
-    /// bodies are around. Scenes of other renderers are made so.
+    /// True if each boundary of a body defines both its sides: it refracts by its own index, whatever bodies are
+    /// around. Scenes of other renderers use it.
     pub own_boundaries: bool,
     /// True if the last mesh is the [floor](SceneParts::lay_floor) of the studio.
     pub has_floor: bool,
@@ -67,8 +67,8 @@ impl SceneParts {
         self.meshes.iter().chain(shared)
     }
 
-    /// Builds the coarser images of textures that the camera sees as means over its pixels; true for each material that has
-    /// one, empty for none.
+    /// Builds the mip levels of textures that cameras see as means over a pixel's footprint. For each material, true if
+    /// it has such a texture; empty if none has.
     pub(super) fn filter_textures(&mut self) -> Vec<bool> {
         let mut shown = vec![false; self.materials.len()];
         for mesh in self.all_meshes() {
@@ -87,7 +87,7 @@ impl SceneParts {
         }
     }
 
-    /// Gives these meshes, by their place among all, materials without a thickness.
+    /// Gives these meshes, by sorted index among all, thin-walled copies of their materials.
     pub(super) fn make_thin(&mut self, thin: &[usize]) {
         let mut copies = HashMap::new();
         let shared = self.shared.iter_mut().map(|shared| &mut shared.mesh);

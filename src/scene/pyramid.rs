@@ -1,14 +1,14 @@
-//! Coarser images of a texture: each has half of the columns and rows of the one before, and the same mean.
+//! Mip levels of a texture: each has half the columns and rows of the level before, and the same mean.
 //!
-//! Means are of linear values, weighed by the area that an old texel shares with a new one, so that sizes need not be powers of
-//! two. Rounding to codes would shift them, by half a code at worst, which in light tones is half a per cent: so what rounding
-//! takes from one texel is given to the next of its row, and at the end of a row to the row below.
+//! Means are of linear values, weighted by the area that an old texel shares with a new one, so that sizes need not be
+//! powers of two. Rounding to codes would shift means by up to half a code, or half a per cent in light tones. So the
+//! rounding error of a texel is added to the next one of its row, and at the end of a row to the row below.
 
 use super::texture::{Code, Texels, Texture, Wrap, values};
 use crate::math::Vec2;
 use std::sync::Arc;
 
-/// A coarser image of a texture's colour, sRGB encoded if that is.
+/// A mip level of a texture's colour, sRGB encoded if the texture is.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Level {
     /// Width in texels.
@@ -30,7 +30,7 @@ impl Level {
     }
 }
 
-/// The old texels that a new one covers, of which there are three at most, and their weights.
+/// The texels of the finer level, at most three, that a new texel covers along an axis, and their weights.
 #[derive(Clone, Copy)]
 struct Taps {
     first: usize,
@@ -74,7 +74,7 @@ pub(super) fn levels(of: &Texture) -> Arc<[Level]> {
             Texels::Word(codes) => Texels::Word(halved(codes, size, channels, of.srgb)),
         };
         size = size.map(|n| (n / 2).max(1));
-        // Opacity is never asked for.
+        // Opacity of coarser levels is never looked up.
         channels = if channels < 3 { 1 } else { 3 };
         levels.push(Level {
             width: size[0],
@@ -95,7 +95,7 @@ fn halved<C: Code>(codes: &[C], size: [u32; 2], channels: u8, srgb: bool) -> Arc
     }
 }
 
-/// An image of `N` channels made half as wide and high, of which `M` are kept.
+/// An image of `N` channels at half the width and height, with the first `M` channels.
 fn halved_of<C: Code, const N: usize, const M: usize>(
     codes: &[C],
     size: [u32; 2],
@@ -122,7 +122,7 @@ fn halved_of<C: Code, const N: usize, const M: usize>(
             for c in 0..M {
                 let wanted = mean[c] + rest[c];
                 let code = C::nearest(wanted, srgb);
-                // A value beyond the ends would be owed for ever.
+                // The error of a value beyond the last code could never be made up.
                 rest[c] = (wanted - code.linear(table)).clamp(-0.01, 0.01);
                 out.push(code);
             }

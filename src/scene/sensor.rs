@@ -4,7 +4,7 @@ use super::Camera;
 use super::camera::Projection;
 use crate::math::{Ray, UVec2, Vec2, Vec3};
 
-/// A camera that sees a frame of pixels.
+/// A camera with a frame of pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Sensor<'a> {
     /// The camera.
@@ -13,7 +13,7 @@ pub struct Sensor<'a> {
     pub frame: UVec2,
 }
 
-/// A point as the camera sees it.
+/// The projection of a point to a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sighting {
     /// Pixel of the full frame.
@@ -37,7 +37,7 @@ pub struct Footprint {
     pub half: f32,
 }
 
-/// Half the width of a pixel along a ray through it, as it grows with the distance from the camera; 0 for no pixel.
+/// Half the width of a pixel as a linear function of the distance along a ray; 0 for no pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PixelCone {
     width: f32,
@@ -72,7 +72,7 @@ impl Sighting {
         }
     }
 
-    /// Density per area, on a surface whose absolute cosine with `wo` is `cos`, with which the rays of the pixel meet
+    /// Density per area, on a surface whose absolute cosine with `wo` is `cos`, with which the rays of the pixel hit
     /// it. A pixel's response integrates to 1, so this is also the factor that turns radiance into pixel values.
     #[inline]
     pub fn pdf_area(&self, cos: f32) -> f32 {
@@ -85,15 +85,15 @@ impl Sighting {
 }
 
 impl Sensor<'_> {
-    /// The ray through a point of the frame, in pixels from the top left; a lens is left out.
+    /// The ray through a point of the frame, in pixels from the top left; a lens is ignored.
     #[inline]
     pub fn ray(&self, point: Vec2) -> Ray {
         let size = self.frame.as_vec2();
         self.camera.ray(point / size, size.x / size.y)
     }
 
-    /// A ray through a point of the frame: the only one, or for a lens one through the point that `u`, uniform in [0, 1)²,
-    /// chooses. A camera without a lens uses no numbers.
+    /// A ray through a point of the frame, and with a lens through the point that `u`, uniform in [0, 1)², chooses on
+    /// it. Without a lens `u` is not called.
     #[inline]
     pub fn sample_ray(&self, point: Vec2, u: impl FnOnce() -> Vec2) -> Ray {
         match self.camera.lens {
@@ -105,7 +105,7 @@ impl Sensor<'_> {
         }
     }
 
-    /// The point of the lens that `u`, uniform in [0, 1)², chooses, from its middle. A camera without a lens uses no numbers.
+    /// The point of the lens that `u`, uniform in [0, 1)², chooses, from its middle. Without a lens `u` is not called.
     #[inline]
     pub fn lens_point(&self, u: impl FnOnce() -> Vec2) -> Vec2 {
         self.camera.lens.map_or(Vec2::ZERO, |lens| lens.point(u()))
@@ -127,7 +127,7 @@ impl Sensor<'_> {
             }
             Projection::Orthographic { half_height } => {
                 let edge = 2.0 * half_height / rows;
-                // Rays through one point of a lens are parallel, and slant.
+                // Rays through one point of a lens are parallel and oblique.
                 let cos = (self.camera.lens).map_or(1.0, |_| -dir.dot(self.camera.frame.n));
                 RayDensity {
                     pdf: 1.0 / (edge * edge * cos),

@@ -1,8 +1,8 @@
 //! Meshes that should bound a body and do not: open ones, and ones whose normals point inwards or both ways.
 //!
-//! Their edges tell, and are counted when the scene is built. But an open mesh may be a good boundary: the surface of a pool
-//! ends at its walls. So the test traces random walks from behind the mesh, which opaque surfaces scatter as white walls do. Walks
-//! behind a boundary end at its back. A mesh where many end at a front, or leave the scene, becomes thin walls.
+//! Counts of their edges find them when the scene is built. But an open mesh may bound a body: the surface of a pool
+//! ends at its walls. So random walks start behind the mesh, and opaque surfaces scatter them like white walls. Walks
+//! behind a boundary end at its back. A mesh becomes thin walls if many walks end at a front or leave the scene.
 
 use super::{Material, Mesh, Scene, SceneParts};
 use crate::math::{Frame, Ray, UVec2, Vec2, Vec3, warp};
@@ -11,30 +11,30 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 
-/// Walks from behind a mesh that is looked at.
+/// Number of walks from behind a suspect mesh.
 const WALKS: u32 = 512;
 
-/// Surfaces after which a walk is given up; it then says nothing.
+/// Number of surfaces after which a walk ends and does not count.
 const MAX_STEPS: u32 = 64;
 
-/// Share of the walks that may go astray behind a mesh that bounds a body: a crack or some turned triangles do no great harm.
+/// Largest share of walks that may miss the back of a body: some cracks or turned triangles do no great harm.
 const MAX_ASTRAY: f64 = 0.1;
 
 /// Edges and volume of a mesh. Vertices at the same place count as one, since exporters split them at seams.
 #[derive(Debug, Default)]
 pub(super) struct Shell {
-    /// Edges of an odd number of triangles.
+    /// Number of edges with an odd number of triangles.
     open: usize,
-    /// Other edges that are not met once in each direction for every two triangles.
+    /// Number of other edges that their triangles do not use equally often in both directions.
     turned: usize,
     /// Six times the signed volume of each connected part, above 0 where normals point outwards; of closed meshes only.
     volumes: Vec<f64>,
 }
 
 impl Shell {
-    /// Counts the edges of a mesh. A triangle of a vertex that does not exist is no part of the scene, nor of its mesh.
+    /// Counts the edges of a mesh. Triangles with a missing vertex are skipped, as in the scene.
     pub(super) fn of(mesh: &Mesh) -> Self {
-        // Zero has two signs.
+        // The sum turns −0 into +0, so that equal positions have equal bits.
         let bits = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
         let mut numbers = HashMap::new();
         let welded: Vec<u32> = (mesh.positions.iter())
@@ -94,7 +94,7 @@ impl Shell {
         self.volumes.iter().sum::<f64>() > 0.0
     }
 
-    /// True for a closed mesh without a part whose normals point inwards, even in a cavity of another.
+    /// True for a closed mesh of which no part has inward normals, not even as the wall of a cavity.
     pub(super) fn all_outwards(&self) -> bool {
         !self.has_wrong_edges() && self.volumes.iter().all(|&volume| volume > 0.0)
     }
@@ -111,7 +111,7 @@ impl Shell {
     }
 }
 
-/// Connected parts of a mesh: for every vertex another of its part, itself for one of each part.
+/// Connected parts of a mesh as a union-find forest: the parent of each vertex, which is itself for a root.
 struct Parts(Vec<u32>);
 
 impl Parts {
@@ -130,7 +130,7 @@ impl Parts {
     }
 }
 
-/// Meshes of bodies that are worth a look, by their place among all meshes.
+/// Meshes that should bound a body but have defects, with their index among all meshes.
 pub(super) fn suspects(parts: &SceneParts) -> Vec<(usize, Shell)> {
     let bounds = |mesh: &Mesh| {
         (parts.materials.get(mesh.material as usize)).is_some_and(Material::bounds_body)
@@ -151,10 +151,10 @@ fn name(number: usize, mesh: &Mesh) -> String {
     }
 }
 
-/// Result of the looks.
+/// Result of the tests of suspect meshes.
 #[derive(Default)]
 pub(super) struct Verdict {
-    /// Meshes that bound no body, by their place among all meshes.
+    /// Meshes that bound no body, by their index among all meshes.
     pub(super) thin: Vec<usize>,
     /// Materials of meshes that bound bodies except for some turned triangles.
     pub(super) turned: Vec<u32>,
@@ -162,7 +162,7 @@ pub(super) struct Verdict {
 }
 
 impl Scene {
-    /// Judges the meshes that are worth a look.
+    /// Decides which suspect meshes bound a body.
     pub(super) fn judge(&self, suspects: &[(usize, Shell)]) -> Verdict {
         let mut verdict = Verdict::default();
         for (i, shell) in suspects {
@@ -183,7 +183,7 @@ impl Scene {
         verdict
     }
 
-    /// Warnings of meshes that should enclose a medium and do not, where a file says of each boundary what is on its sides.
+    /// Warnings about meshes that do not enclose their medium, for files that define both sides of each boundary.
     pub(super) fn open_media(&self) -> Vec<String> {
         let filled = |mesh: &Mesh| {
             self.parts.materials[mesh.material as usize]
@@ -204,7 +204,7 @@ impl Scene {
         mesh.expect("a suspect is one of the meshes")
     }
 
-    /// Share of the walks from behind a mesh that do not come back to its back.
+    /// Share of walks from behind a mesh that miss its back; for a closed mesh, of starting points outside of its body.
     fn astray(&self, number: usize, shell: &Shell) -> f64 {
         let parts = &self.parts;
         let mesh = self.suspect(number);
@@ -253,7 +253,7 @@ impl Scene {
                 } else if let Some(i) = entered.iter().rposition(|&m| m == surface.material) {
                     entered.remove(i);
                 } else {
-                    // Two materials bound the body together, or it lies in another.
+                    // Two materials bound the body together, or the body lies in another.
                     return Some(true);
                 }
             } else if met.transmission == 0.0 || met.metallic == 1.0 {
@@ -267,19 +267,19 @@ impl Scene {
     }
 }
 
-/// A ray from behind a point of the mesh, in turn at all poses; `None` where there is no surface.
+/// A ray from just behind a random point of the mesh at pose `i`, in turn; `None` for a degenerate triangle.
 fn start(mesh: &Mesh, poses: &[DAffine3], i: u32, stream: &mut impl Sampler) -> Option<Ray> {
     let pose = poses.get(i as usize % poses.len())?;
     let face = (stream.next_pick() * mesh.indices.len() as f64) as usize;
     let corners = mesh.indices.get(face)?;
     let at = |k: usize| mesh.positions.get(corners[k] as usize).copied();
     let [a, b, c] = [at(0)?, at(1)?, at(2)?].map(|p| pose.transform_point3(p.as_dvec3()));
-    // A mirroring pose keeps the front the front.
+    // The front stays the front under a mirroring pose.
     let across = (b - a).cross(c - a) * pose.matrix3.determinant().signum();
     let n = across.try_normalize()?;
     let u = warp::triangle(Vec2::new(stream.next_1d(), stream.next_1d())).as_dvec2();
     let p = a + u.x * (b - a) + u.y * (c - a);
-    // Clear of rounding, and less than any wall is thick.
+    // More than rounding errors, and less than the thickness of any wall.
     let clear = 32.0 * f64::from(f32::EPSILON) * p.abs().max_element().max((b - a).length());
     let u = Vec2::new(stream.next_1d(), stream.next_1d());
     let dir = Frame::from_normal(-n.as_vec3()).to_world(warp::cosine_hemisphere(u));

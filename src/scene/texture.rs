@@ -1,4 +1,4 @@
-//! Textures: decoded images with wrap modes, looked up bilinearly in linear values, and coarser from far away.
+//! Textures: decoded images with wrap modes, looked up bilinearly in linear values, with mip levels.
 
 use super::pyramid::{self, Level};
 use crate::math::Vec2;
@@ -44,7 +44,7 @@ pub struct Texture {
     pub wrap: [Wrap; 2],
     /// True if texels have edges: no interpolation between them.
     pub nearest: bool,
-    /// Coarser and coarser images of the colour; empty where no material needs them.
+    /// Mip levels of the colour, without the finest; empty if no material needs them.
     pub mips: Arc<[Level]>,
 }
 
@@ -62,7 +62,7 @@ pub(super) trait Code: Copy + Send + Sync {
     fn table(srgb: bool) -> Self::Table;
     /// The linear value.
     fn linear(self, table: Self::Table) -> f32;
-    /// The value in [0, 1] that it is a fraction of.
+    /// The code over the largest code, in [0, 1].
     fn fraction(self) -> f32;
     /// The code nearest to a linear value, if that is in [0, 1].
     fn nearest(value: f32, srgb: bool) -> Self;
@@ -93,11 +93,11 @@ static WIDE_SRGB: LazyLock<Vec<f32>> = LazyLock::new(|| {
         .collect()
 });
 
-/// Number of linear values from which the search for the nearest of 256 codes begins: closer together than any two codes.
+/// Number of steps of [`NEAREST`] over [0, 1]: a step is smaller than the difference of any two of the 256 codes.
 const STEPS: usize = 4096;
 
-/// For each of these values and all above it up to the next, the nearest code or the one before it, and the value from
-/// which on it is the one after. Linear, and sRGB encoded.
+/// For each step, the code nearest to its least value, and the value from which the next code is nearer. For linear and
+/// for sRGB codes.
 static NEAREST: LazyLock<[Vec<(u8, f32)>; 2]> = LazyLock::new(|| {
     [false, true].map(|srgb| {
         let table = u8::table(srgb);
@@ -138,13 +138,13 @@ impl Code for u8 {
     fn nearest(value: f32, srgb: bool) -> Self {
         let value = value.clamp(0.0, 1.0);
         let (code, next) = NEAREST[usize::from(srgb)][(value * STEPS as f32) as usize];
-        // No branch, which nobody could guess.
+        // Without a branch, since processors could not predict it.
         code + Self::from(value >= next)
     }
 }
 
 impl Code for u16 {
-    /// None where codes are not encoded.
+    /// `None` if codes are not sRGB encoded.
     type Table = Option<&'static [f32]>;
 
     #[inline(always)]
@@ -173,7 +173,7 @@ impl Code for u16 {
     }
 }
 
-/// The largest integer not above a number; without the call that `f64::floor` is on old processors.
+/// The largest integer not above a number; without the function call of `f64::floor` on old processors.
 #[inline(always)]
 fn floor(x: f64) -> i64 {
     let i = x as i64;
@@ -181,11 +181,11 @@ fn floor(x: f64) -> i64 {
 }
 
 impl Wrap {
-    /// The two texels of a row of `n` between whose centres a coordinate lies, and how far it is to the second.
+    /// The two texels of a row of `n` between whose centres a coordinate lies, and the weight of the second.
     #[inline(always)]
     fn place(self, u: f32, n: u32) -> ([usize; 2], f32) {
         let u = f64::from(u);
-        // One period, so that no division is needed. Exact, so that the copies of an image are alike.
+        // Reduction to one period without a division; exact, so that all copies of an image are equal.
         let u = match self {
             Self::Repeat => u - floor(u) as f64,
             Self::Mirror => u - 2.0 * floor(0.5 * u) as f64,
@@ -216,7 +216,7 @@ impl Texels {
         }
     }
 
-    /// Place in memory, equal for images that are shared.
+    /// Address in memory, equal for clones.
     pub fn address(&self) -> usize {
         match self {
             Self::Byte(codes) => codes.as_ptr().addr(),
@@ -313,16 +313,16 @@ impl Texture {
         self.texel(x as u32, y as u32)
     }
 
-    /// The colour at `uv` over a footprint, given by two of its half axes in texture coordinates: by a few look-ups along the
-    /// longer one, each from the two levels between whose texels the shorter one lies, but never from finer ones than a
-    /// sixteenth of the longer. Where the footprint is no larger than a texel, or without levels, this is
-    /// [`Texture::sample`], bit for bit.
+    /// Mean colour over a footprint at `uv`, given by its two half axes in texture coordinates: a few trilinear
+    /// look-ups along the longer axis, at the level of the shorter axis, or of a sixteenth of the longer one if that is
+    /// more. Equal to [`Texture::sample`] bit for bit if the footprint is no larger than a texel, or without mip
+    /// levels.
     ///
-    /// By the shorter axis nothing is blurred that the footprint does not cover.
+    /// The level follows the shorter axis so that nothing outside the footprint is blurred in.
     pub(crate) fn sample_over(&self, uv: Vec2, axes: [Vec2; 2]) -> [f32; 4] {
-        /// Most ratio of the axes that is kept.
+        /// Largest ratio of the axes; above it the level is coarser.
         const SLENDER: f32 = 16.0;
-        /// Most look-ups along the longer axis; samples of the pixel do the rest.
+        /// Largest number of look-ups along the longer axis; further samples of the pixel fill the gaps.
         const MOST: f32 = 4.0;
         let size = Vec2::new(self.width as f32, self.height as f32);
         let lengths = axes.map(|axis| (axis * size).length());
@@ -330,7 +330,7 @@ impl Texture {
             true => (axes[0], lengths[0], lengths[1]),
             false => (axes[1], lengths[1], lengths[0]),
         };
-        // Also for NaN.
+        // The negated comparison also catches NaN.
         if !(long > 1.0 && long.is_finite()) || self.mips.is_empty() {
             return self.sample(uv);
         }
@@ -346,7 +346,7 @@ impl Texture {
         sum.map(|x| x / number)
     }
 
-    /// The colour at a level, between two if it is no whole number; 0 is the finest.
+    /// The colour at a mip level, interpolated if `lod` is no integer; 0 is the finest.
     fn at_level(&self, uv: Vec2, lod: f32) -> [f32; 4] {
         let lod = lod.min(self.mips.len() as f32);
         let (k, part) = (lod as usize, lod.fract());
@@ -396,13 +396,13 @@ impl Texture {
         std::array::from_fn(|i| (rows.iter().map(|row| row[i]).sum::<f64>() / number) as f32)
     }
 
-    /// Builds the coarser images.
+    /// Builds the mip levels.
     pub(super) fn build_mips(&mut self) {
         self.mips = pyramid::levels(self);
     }
 }
 
-/// Builds the coarser images of those textures that are wanted, once for uses that share them.
+/// Builds the mip levels of wanted textures that have none yet.
 pub(super) fn build_mips(textures: &mut [Texture], wanted: impl Fn(usize) -> bool + Sync) {
     let all = textures.par_iter_mut().enumerate();
     all.filter(|(i, texture)| wanted(*i) && texture.mips.is_empty())

@@ -2,7 +2,7 @@ use super::*;
 use crate::scene::Material;
 use crate::scene::procedural::shapes;
 
-/// A ball of glass, changed by `change`, and a lamp.
+/// True if the inside of a glass ball is dark, in a scene with a lamp at `lamp` after `change`.
 fn is_dark(lamp: Vec3, change: impl Fn(&mut SceneParts)) -> bool {
     let glass = Material {
         metallic: 0.0,
@@ -25,7 +25,7 @@ fn is_dark(lamp: Vec3, change: impl Fn(&mut SceneParts)) -> bool {
     };
     change(&mut parts);
     let scene = Scene::new(parts);
-    // A mesh that bounds no body is shown with a material of its own.
+    // A mesh that bounds no body gets a material of its own.
     scene.is_dark_inside(scene.parts().meshes[0].material)
 }
 

@@ -1,6 +1,6 @@
 use super::*;
 
-/// Film coordinates of a world point, and how far it is in front.
+/// Film coordinates of a world point in [-1, 1], and its depth.
 fn project(camera: &Camera, p: Vec3, aspect: f32) -> (f32, f32, f32) {
     let Projection::Perspective { tan_half_y } = camera.projection else {
         panic!("a pinhole was asked for");

@@ -62,7 +62,7 @@ fn bent_normal_mirrors_a_direction_to_its_own_side() {
     let ng = Vec3::Z;
     let mut bends = 0;
     for i in 0..20_000 {
-        // Normals up to the plane, directions down to it.
+        // Normals and directions down to grazing angles.
         let [a, b, c] = [0.618_034, 0.754_878, 0.569_84].map(|r: f32| (r * i as f32).fract());
         let lean = (1.0 - a * a).sqrt();
         let ns = Vec3::new(lean * (7.0 * b).cos(), lean * (7.0 * b).sin(), a);
@@ -93,7 +93,7 @@ fn bent_normal_is_the_given_one_from_above_and_the_geometric_one_in_its_plane() 
     let (ng, ns) = (Vec3::Z, Vec3::new(-0.3, 0.0, 0.9539392));
     assert_eq!(bent(ns, ng, Vec3::Z, LEAST_ROUGH), ns);
     assert_eq!(bent(ng, ng, Vec3::X, LEAST_ROUGH), ng);
-    // Edge-on nothing is seen; what comes out is a unit normal.
+    // Edge on, nothing is visible, but the result is a unit normal.
     let n = bent(ns, ng, Vec3::X, LEAST_ROUGH);
     assert!(
         (n.length() - 1.0).abs() < 1e-5 && n.dot(Vec3::X) > -1e-6,

@@ -12,7 +12,7 @@ pub const COPPER: Rgb = Rgb::new(0.95, 0.64, 0.54);
 pub const SILVER: Rgb = Rgb::new(0.96, 0.96, 0.96);
 /// Reflectance of aluminium.
 pub const ALUMINIUM: Rgb = Rgb::new(0.91, 0.92, 0.92);
-/// Reflectance of iron, near enough.
+/// Approximate reflectance of iron.
 pub const IRON: Rgb = Rgb::new(0.56, 0.57, 0.58);
 
 fn base(name: &str, base_color: Rgb, alpha: f32) -> Material {
@@ -56,7 +56,7 @@ pub fn clearcoated(mut base: Material, alpha: f32) -> Material {
     base
 }
 
-/// A material brushed with this strength, the rougher along a direction at the angle `rotation` from the tangent.
+/// A material brushed with this strength, rougher along the direction at the angle `rotation` from the tangent.
 pub fn brushed(mut base: Material, strength: f32, rotation: f32) -> Material {
     base.finish_mut().anisotropy = Some(Anisotropy {
         strength,

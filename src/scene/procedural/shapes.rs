@@ -121,7 +121,7 @@ fn icosphere(divisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (points, faces)
 }
 
-/// Gives a mesh normals that are area-weighted means of its faces'.
+/// Sets the normals of a mesh to area-weighted means of the normals of its faces.
 pub fn smooth(mesh: &mut Mesh) {
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     for &[a, b, c] in &mesh.indices {
@@ -152,13 +152,13 @@ pub fn room(min: Vec3, max: Vec3) -> [Mesh; 6] {
 }
 
 impl Mesh {
-    /// Turned by the angles (radians) about y, x and z, then moved.
+    /// The mesh turned by the angles (radians) about y, x and z, then moved by `to`.
     pub fn placed(self, turn: [f32; 3], to: Vec3) -> Self {
         let turn = Quat::from_euler(EulerRot::YXZ, turn[0], turn[1], turn[2]);
         self.mapped(Affine3A::from_rotation_translation(turn, to))
     }
 
-    /// Moved.
+    /// The mesh moved by `to`.
     pub fn moved(self, to: Vec3) -> Self {
         self.mapped(Affine3A::from_translation(to))
     }
@@ -178,7 +178,7 @@ impl Mesh {
         self
     }
 
-    /// Inside out: the wall of a cavity.
+    /// The mesh turned inside out, as the wall of a cavity.
     pub fn inverted(mut self) -> Self {
         for face in &mut self.indices {
             face.swap(1, 2);
@@ -189,7 +189,7 @@ impl Mesh {
         self
     }
 
-    /// Several meshes as one; all smooth or all flat.
+    /// Several meshes as one, with their positions, normals and faces only; all must be smooth or all flat.
     pub fn joined(meshes: impl IntoIterator<Item = Mesh>) -> Self {
         let mut all = Mesh::default();
         for mesh in meshes {

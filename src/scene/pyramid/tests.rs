@@ -13,7 +13,7 @@ fn noise(size: [u32; 2], channels: u8, srgb: bool) -> Texture {
     }
 }
 
-/// Every level has the mean of the finest, whatever the size, to one code of one row.
+/// For every size, each level has the mean of the finest up to a code of one texel.
 #[test]
 fn levels_keep_the_mean() {
     for size in [[64, 64], [63, 17], [1, 40], [37, 1], [5, 3], [255, 2]] {
@@ -32,7 +32,7 @@ fn levels_keep_the_mean() {
                     texels: level.texels.clone(),
                     ..texture.clone()
                 };
-                // One code owed in the end, of each level above.
+                // The rounding error left after the last texel, of each level above.
                 let bound = 0.02 / f64::from(level.width * level.height) as f32 + 2e-4;
                 for (found, expected) in image.average().iter().zip(expected).take(colors) {
                     let off = (found - expected).abs();
@@ -47,7 +47,7 @@ fn levels_keep_the_mean() {
     }
 }
 
-/// An image of one colour stays it, code for code.
+/// Every level of an image of one colour has exactly its code.
 #[test]
 fn levels_of_one_colour_have_its_code() {
     for code in [0u8, 1, 37, 188, 254, 255] {
@@ -68,7 +68,7 @@ fn levels_of_one_colour_have_its_code() {
     }
 }
 
-/// Sixteen bits a channel stay, and are the means of their four texels.
+/// Levels keep sixteen bits a channel; a texel is the mean of four finer ones.
 #[test]
 fn levels_of_sixteen_bits_are_means() {
     let texels: Vec<u16> = (0..64 * 64u32).map(|i| (i * 15) as u16).collect();

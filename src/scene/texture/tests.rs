@@ -57,7 +57,7 @@ fn texels_of_all_depths_and_channels_have_the_values_of_eight_bits_and_four() {
             ..Texture::rgba(4, 3, rgba.iter().copied())
         };
         for channels in 1..=4u8 {
-            // Grey is red; what is not there is opaque.
+            // Grey is the red channel; missing opacity is 1.
             let kept: &[usize] =
                 [&[0][..], &[0, 3], &[0, 1, 2], &[0, 1, 2, 3]][usize::from(channels) - 1];
             let codes = || rgba.iter().flat_map(|t| kept.iter().map(|&i| t[i]));
@@ -120,7 +120,7 @@ fn footprints_below_a_texel_change_no_bit_and_large_ones_show_the_mean() {
         for (h, a) in huge.iter().zip(t.average()) {
             assert!((h - a).abs() < 2e-3, "{huge:?}");
         }
-        // A row of texels: the blur is along it alone.
+        // A footprint along a row of texels: the blur is only along the row.
         let row = t.sample_over(uv(k), [Vec2::X * 0.5, Vec2::Y * 0.01]);
         let at = |i: u32| t.sample(uv(k) + Vec2::X * (0.25 * i as f32 - 0.375));
         let mean = (0..4).map(|i| at(i)[0]).sum::<f32>() / 4.0;
