@@ -101,8 +101,8 @@ pub(crate) struct Distribution2D {
 }
 
 impl Distribution2D {
-    /// Probabilities proportional to `weights`, listed row by row with `width` columns, finite and at least 0. `None` if no
-    /// weight is positive or the last row is incomplete.
+    /// Probabilities proportional to `weights`, listed row by row with `width` columns, finite and at least 0. `None`
+    /// if no weight is positive or the last row is incomplete.
     pub(crate) fn new(width: usize, weights: &[f64]) -> Option<Self> {
         if width == 0 || weights.is_empty() || !weights.len().is_multiple_of(width) {
             return None;

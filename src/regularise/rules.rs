@@ -14,8 +14,8 @@ pub enum Rule {
     Plain,
     /// Accumulated roughness with learned factors or one constant `[OPSR]`.
     Accumulated(Accumulated),
-    /// pbrt-v4's `regularize`: after any bounce that was not perfectly specular, a lobe below 0.3 is doubled and clamped
-    /// to [0.1, 0.3].
+    /// pbrt-v4's `regularize`: after any bounce that was not perfectly specular, a lobe below 0.3 is doubled and
+    /// clamped to [0.1, 0.3].
     Pbrt,
     /// Cycles' "filter glossy" with filter value F > 0: with p the smallest density sampled so far and b = p/F < 1,
     /// α′ = max(α, ½ √(1 − b)). Larger F filters more.

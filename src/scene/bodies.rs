@@ -17,8 +17,8 @@ pub(crate) const MAX_SURFACES: usize = 10_000;
 /// Largest number of triangles of a mesh that are tested for overlaps.
 const PROBES: usize = 256;
 
-/// Rank of each material where bodies overlap: a higher priority, then a smaller body (the largest box around one of its
-/// meshes), then the later material.
+/// Rank of each material where bodies overlap: a higher priority, then a smaller body (the largest box around one of
+/// its meshes), then the later material.
 pub(super) fn ranks(parts: &SceneParts) -> Vec<u32> {
     let mut extents = vec![0.0f32; parts.materials.len()];
     let mut extend = |material: u32, extent: f32| {

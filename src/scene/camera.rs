@@ -46,8 +46,8 @@ pub struct Lens {
 }
 
 impl Lens {
-    /// A point of the lens from its middle, to the right and up in world units: uniform over the aperture for `u` uniform
-    /// in [0, 1)².
+    /// A point of the lens from its middle, to the right and up in world units: uniform over the aperture for `u`
+    /// uniform in [0, 1)².
     #[inline]
     pub(crate) fn point(&self, u: Vec2) -> Vec2 {
         self.radius * warp::disk(u)
@@ -75,8 +75,8 @@ pub(super) struct Fit {
     axes: [DVec3; 3],
     /// Tangents of half the angles across and up.
     tan: [f64; 2],
-    /// Greatest value over the points, for both ends of both film axes, of the coordinate along the axis plus the tangent
-    /// times the coordinate towards the camera.
+    /// Greatest value over the points, for both ends of both film axes, of the coordinate along the axis plus the
+    /// tangent times the coordinate towards the camera.
     ends: [[f64; 2]; 2],
     /// Greatest coordinate towards the camera.
     nearest: f64,
@@ -191,8 +191,8 @@ impl Camera {
     /// camera without a lens or the middle of one. `None` for points that are not in front of the camera.
     #[inline]
     pub fn project(&self, point: Vec3, aspect: f32, through: Vec2) -> Option<(Vec2, Vec3, f32)> {
-        // All rays through a film position meet in the plane of focus: those through one point of the lens are the pinhole's,
-        // sheared.
+        // All rays through a film position meet in the plane of focus: those through one point of the lens are the
+        // pinhole's, sheared.
         let slope = self.lens.map_or(Vec2::ZERO, |lens| through / lens.focus);
         let Frame { s, t, .. } = self.frame;
         let to = self.position + s * through.x + t * through.y - point;
@@ -218,8 +218,8 @@ impl Camera {
         Some((film, wo, distance))
     }
 
-    /// Matrix of the OpenEXR attribute `worldToCamera`, row by row, for points as row vectors: x to the right, y up, and z
-    /// along the view.
+    /// Matrix of the OpenEXR attribute `worldToCamera`, row by row, for points as row vectors: x to the right, y up,
+    /// and z along the view.
     pub fn world_to_camera(&self) -> [f32; 16] {
         let Frame { s, t, n } = self.frame;
         let axes = [s, t, -n];
@@ -263,9 +263,9 @@ impl Camera {
         }
     }
 
-    /// The nearest camera that sees a whole box in three-quarter view from the front right, for a picture of the given width
-    /// over height. A box that is empty, a point or not finite is replaced by the unit cube around its centre, or around the
-    /// origin.
+    /// The nearest camera that sees a whole box in three-quarter view from the front right, for a picture of the given
+    /// width over height. A box that is empty, a point or not finite is replaced by the unit cube around its centre, or
+    /// around the origin.
     pub fn framing(bounds: (Vec3, Vec3), aspect: f32) -> Self {
         let (low, high) = (bounds.0.as_dvec3(), bounds.1.as_dvec3());
         let mut centre = 0.5 * (low + high);

@@ -139,8 +139,8 @@ impl Scene {
         light.around += sums[1] / f64::from(PATHS);
     }
 
-    /// Adds the light that a path from a surface finds: of the scene's own surfaces, and of the surroundings. True if the path
-    /// leaves the scene.
+    /// Adds the light that a path from a surface finds: of the scene's own surfaces, and of the surroundings. True if
+    /// the path leaves the scene.
     fn walk(
         &self,
         mut at: Surface,

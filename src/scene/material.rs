@@ -169,8 +169,8 @@ impl Default for Material {
 }
 
 impl Material {
-    /// The BSDF without a [`Finish`] at texture coordinates `uv`; `u` in [0, 1) chooses between two where transmission is
-    /// partial.
+    /// The BSDF without a [`Finish`] at texture coordinates `uv`; `u` in [0, 1) chooses between two where transmission
+    /// is partial.
     ///
     /// A partly transmissive dielectric is the mixture t · interface + (1 − t) · coated base; drawing one of the two
     /// with its weight is unbiased and keeps every BSDF small.
@@ -405,9 +405,9 @@ impl Material {
         self.metallic == 0.0 && self.transmission == 0.0 && !self.has_coat() && !self.is_covered()
     }
 
-    /// Indices of refraction of red, green and blue: Cauchy's formula by the Abbe number V,
-    /// n(λ) = n + (n − 1)/V (523655 nm²/λ² − 1.5168) but at least 1 `[KHR_materials_dispersion]`, at the lines C, d and F
-    /// (656.27, 587.56 and 486.13 nm) that define V.
+    /// Indices of refraction of red, green and blue: Cauchy's formula by the Abbe number V, n(λ) = n + (n − 1)/V
+    /// (523655 nm²/λ² − 1.5168) but at least 1 `[KHR_materials_dispersion]`, at the lines C, d and F (656.27, 587.56
+    /// and 486.13 nm) that define V.
     pub fn iors(&self) -> [f32; 3] {
         [656.27f32, 587.56, 486.13].map(|wavelength| {
             let cauchy = 523_655.0 / (wavelength * wavelength) - 1.5168;

@@ -90,8 +90,8 @@ pub struct SharedMesh {
 }
 
 impl SharedMesh {
-    /// Condition number of a pose, an upper bound; `None` for a pose that no instance may have: it is singular, flattens or
-    /// shears by more than a factor of 1000, or scales by more than a million either way.
+    /// Condition number of a pose, an upper bound; `None` for a pose that no instance may have: it is singular,
+    /// flattens or shears by more than a factor of 1000, or scales by more than a million either way.
     pub fn condition(pose: &DAffine3) -> Option<f64> {
         const SCALE: f64 = 1e6;
         const SKEW: f64 = 1e3;
@@ -119,8 +119,8 @@ pub(super) fn mix<T: Copy + Mul<f32, Output = T> + Add<Output = T>>(
     at[0] * weights[0] + at[1] * weights[1] + at[2] * weights[2]
 }
 
-/// The cofactor matrix, which transforms normals: the inverse transpose up to a factor, but defined for singular matrices
-/// too.
+/// The cofactor matrix, which transforms normals: the inverse transpose up to a factor, but defined for singular
+/// matrices too.
 pub(super) fn cofactors(m: &DMat3) -> DMat3 {
     let (x, y, z) = (m.x_axis, m.y_axis, m.z_axis);
     DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y))

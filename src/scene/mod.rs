@@ -201,7 +201,7 @@ impl Scene {
         self.media().is_some_and(Media::scatters)
     }
 
-    /// True if the index of refraction at an interface depends on the path: by its colour channel, or the bodies around it.
+    /// True if the index of refraction at an interface depends on the path: on its channel or the bodies around it.
     #[inline]
     pub(crate) fn has_paths_indices(&self) -> bool {
         self.features.dispersion || self.features.overlaps
@@ -341,8 +341,8 @@ impl Scene {
         Some(share * wall.straight(cos))
     }
 
-    /// Transmittance between the ray's origin and its `t_max`: 1, or that of at most `most` panes; `None` if anything else
-    /// blocks the ray.
+    /// Transmittance between the ray's origin and its `t_max`: 1, or that of at most `most` panes; `None` if anything
+    /// else blocks the ray.
     #[inline]
     pub(crate) fn unblocked(&self, ray: &Ray, most: u32) -> Option<Rgb> {
         if !self.occluded(ray) {

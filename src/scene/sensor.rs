@@ -111,8 +111,8 @@ impl Sensor<'_> {
         self.camera.lens.map_or(Vec2::ZERO, |lens| lens.point(u()))
     }
 
-    /// Density of a ray along `dir` among the rays through one pixel and, if there is a lens, one point of it. Its integral over
-    /// the pixel is 1.
+    /// Density of a ray along `dir` among the rays through one pixel and, if there is a lens, one point of it. Its
+    /// integral over the pixel is 1.
     #[inline]
     pub fn pdf(&self, dir: Vec3) -> RayDensity {
         let rows = self.frame.y as f32;
@@ -145,8 +145,8 @@ impl Sensor<'_> {
         PixelCone { width, spread }
     }
 
-    /// The pixel that sees a point through a [point of the lens](Self::lens_point), if nothing stands between. `None` for points
-    /// outside the frame or behind the camera; pixels are half open.
+    /// The pixel that sees a point through a [point of the lens](Self::lens_point), if nothing stands between. `None`
+    /// for points outside the frame or behind the camera; pixels are half open.
     #[inline]
     pub fn see(&self, point: Vec3, through: Vec2) -> Option<Sighting> {
         let size = self.frame.as_vec2();

@@ -232,8 +232,8 @@ impl Scene {
         astray as f64 / known.max(1) as f64
     }
 
-    /// True if a walk from behind a body's surface reaches the back of one of its surfaces, false if it comes to a front
-    /// or leaves the scene; `None` for neither.
+    /// True if a walk from behind a body's surface reaches the back of one of its surfaces, false if it comes to a
+    /// front or leaves the scene; `None` for neither.
     fn comes_back(&self, mut ray: Ray, material: u32, mut stream: impl Sampler) -> Option<bool> {
         let mut entered = Vec::new();
         for _ in 0..MAX_STEPS {

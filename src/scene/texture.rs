@@ -17,8 +17,8 @@ pub enum Wrap {
     Clamp,
 }
 
-/// Channels of the texels of an image one after another, rows from the top, at the depth that its file has. Clones share
-/// them.
+/// Channels of the texels of an image one after another, rows from the top, at the depth that its file has. Clones
+/// share them.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Texels {
     /// Eight bits a channel.

@@ -4,8 +4,8 @@
 //! - The kernel needs AVX2 and FMA: [`Avx2`] is only made by [`Avx2::detect`], which tests the processor.
 //! - Node and block indices are in range: [`Wide`] is only made by its builder, is never changed afterwards, and refers
 //!   only to nodes and blocks it has pushed itself.
-//! - Loads are aligned and in bounds: [`Node`] and [`Block`] are `repr(C)` with alignment 256 and 32 and every row is 32
-//!   or 16 bytes long; axis and side are at most 2 and 1.
+//! - Loads are aligned and in bounds: [`Node`] and [`Block`] are `repr(C)` with alignment 256 and 32 and every row is
+//!   32 or 16 bytes long; axis and side are at most 2 and 1.
 //! - The stack suffices: a node pushes at most seven children beyond the one that is entered, and the builder measured
 //!   the tree's depth (`Wide::stack`).
 #![allow(unsafe_code)]

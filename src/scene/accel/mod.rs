@@ -1,8 +1,8 @@
 //! The bounding volume hierarchy over triangles: built by obvhs (its only user), folded to eight children a node, and
 //! traversed with AVX2 where the processor has it.
 //!
-//! Both traversals compute bit-identical triangle tests and break ties by index, so a hit depends neither on the processor
-//! nor on the number of threads that built the tree.
+//! Both traversals compute bit-identical triangle tests and break ties by index, so a hit depends neither on the
+//! processor nor on the number of threads that built the tree.
 
 use super::Hit;
 use crate::math::{DVec3, Ray, Vec3};

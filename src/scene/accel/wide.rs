@@ -1,5 +1,5 @@
-//! The 8-wide tree: the binary tree of obvhs folded into nodes of eight boxes and leaves of blocks, the layout of the SIMD
-//! traversal. A block is four triangles, or an instance.
+//! The 8-wide tree: the binary tree of obvhs folded into nodes of eight boxes and leaves of blocks, the layout of the
+//! SIMD traversal. A block is four triangles, or an instance.
 //!
 //! The fold minimises the surface-area cost exactly, by dynamic programming over the binary tree `[Ylitie17 §3.1]`.
 
@@ -263,8 +263,8 @@ impl Wide {
         }
     }
 
-    /// Builds over boxes, the first `triangles` of triangles and the rest of instances; `fill` appends the blocks of a leaf's
-    /// primitives.
+    /// Builds over boxes, the first `triangles` of triangles and the rest of instances; `fill` appends the blocks of a
+    /// leaf's primitives.
     fn build(
         boxes: Vec<Bounded>,
         triangles: u32,
@@ -292,8 +292,8 @@ impl Wide {
     }
 }
 
-/// Least costs of representing a binary subtree by a forest of at most `i + 1` wide roots, and its number of primitives (at
-/// most 255).
+/// Least costs of representing a binary subtree by a forest of at most `i + 1` wide roots, and its number of primitives
+/// (at most 255).
 struct Costs {
     forest: [f32; WIDTH - 1],
     count: u8,

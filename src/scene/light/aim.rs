@@ -80,8 +80,8 @@ impl Target {
         (to - to.dot(ray.dir) * ray.dir).length_squared() <= reach * reach
     }
 
-    /// 1 − cos of the half angle of the cone that the sphere subtends; `None` from inside, and where all of it lies behind
-    /// a surface that emits to its front.
+    /// 1 − cos of the half angle of the cone that the sphere subtends; `None` from inside, and where all of it lies
+    /// behind a surface that emits to its front.
     #[inline]
     fn width(&self, from: &Source) -> Option<f32> {
         let to = self.centre - from.position;
@@ -157,8 +157,8 @@ impl Beam {
         (self.uniform * uniform + aimed) / total
     }
 
-    /// A direction from a light at finite distance towards a target, chosen with `pick`; `None` where uniform emission is
-    /// chosen.
+    /// A direction from a light at finite distance towards a target, chosen with `pick`; `None` where uniform emission
+    /// is chosen.
     pub(super) fn direction(&self, from: &Source, pick: f64, u: Vec2) -> Option<Vec3> {
         let share = |(target, share): &(Target, f32)| target.width(from).map_or(0.0, |_| *share);
         let k = chosen(self.targets.iter().map(share), self.uniform, pick)?;

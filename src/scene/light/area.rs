@@ -43,8 +43,8 @@ pub(super) struct AreaLights {
     powers: Vec<f64>,
     /// Texture coordinates of the triangles' corners.
     uvs: Vec<[Vec2; 3]>,
-    /// Density per area with which each triangle that is not shared is drawn by power, 0 for dark ones; empty without area
-    /// lights.
+    /// Density per area with which each triangle that is not shared is drawn by power, 0 for dark ones; empty without
+    /// area lights.
     pdf_a: Vec<f32>,
     /// Index in `triangles` of each triangle of the scene; set if there are many lights or aimed ones.
     places: OnceLock<Vec<u32>>,

@@ -237,8 +237,8 @@ pub fn read_hdr(path: &Path) -> Result<Buffer, FileError> {
 mod tests {
     use super::*;
 
-    /// Directions are uniform per steradian inside each texel, with the density that `pdf` gives: radiance over density is
-    /// the same for every draw from a grey map. Chi-square over 3 x 8 parts of each texel, equal in solid angle.
+    /// Directions are uniform per steradian inside each texel, with the density that `pdf` gives: radiance over density
+    /// is the same for every draw from a grey map. Chi-square over 3 x 8 parts of each texel, equal in solid angle.
     #[test]
     fn chi_square_of_samples_within_texels_up_to_the_poles() {
         const PARTS: [usize; 2] = [3, 8];

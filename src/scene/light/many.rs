@@ -27,8 +27,8 @@ pub(super) struct ManyLights {
 }
 
 impl ManyLights {
-    /// `None` if few lights are at finite distance. `powers` are those of all lights: emissive triangles, lights without
-    /// area, the environment; light at infinity enters through the area `disk`.
+    /// `None` if few lights are at finite distance. `powers` are those of all lights: emissive triangles, lights
+    /// without area, the environment; light at infinity enters through the area `disk`.
     pub(super) fn new(
         area: &AreaLights,
         punctual: &[PunctualLight],

@@ -58,8 +58,8 @@ struct Panel {
     radiance: f64,
 }
 
-/// Lamps of the studio, in degrees: a large key from the front left, a tall strip from the right, a rim light from behind, and
-/// a ceiling.
+/// Lamps of the studio, in degrees: a large key from the front left, a tall strip from the right, a rim light from
+/// behind, and a ceiling.
 const PANELS: [Panel; 4] = [
     Panel {
         azimuth: -42.0,
@@ -126,8 +126,8 @@ pub fn studio() -> Buffer {
     })
 }
 
-/// A clear or hazy sky with its sun, over grey ground: Preetham, Shirley, Smits, *A Practical Analytic Model for Daylight*,
-/// SIGGRAPH 1999, for sky and sunlight.
+/// A clear or hazy sky with its sun, over grey ground: Preetham, Shirley, Smits, *A Practical Analytic Model for
+/// Daylight*, SIGGRAPH 1999, for sky and sunlight.
 ///
 /// Radiance 1 is 32 kcd/m², about that of white paper in the sun.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -166,7 +166,8 @@ const WAVELENGTHS: DVec3 = DVec3::new(0.61, 0.55, 0.465);
 /// Part of the light that the ground reflects.
 const GROUND: f64 = 0.2;
 
-/// Coefficients A to E of Perez' formula for Y, x and y: slope and intercept over the turbidity (Preetham et al., appendix A.2).
+/// Coefficients A to E of Perez' formula for Y, x and y: slope and intercept in turbidity (Preetham et al., appendix
+/// A.2).
 const PEREZ: [[[f64; 2]; 5]; 3] = [
     [
         [0.1787, -1.4630],
@@ -191,8 +192,8 @@ const PEREZ: [[[f64; 2]; 5]; 3] = [
     ],
 ];
 
-/// Chromaticities x and y of the zenith: rows for T², T and 1, columns for the third to the zeroth power of the sun's angle from
-/// the zenith (ibid.).
+/// Chromaticities x and y of the zenith: rows for T², T and 1, columns for the third to the zeroth power of the sun's
+/// angle from the zenith (ibid.).
 const ZENITH: [[[f64; 4]; 3]; 2] = [
     [
         [0.00166, -0.00375, 0.00209, 0.0],

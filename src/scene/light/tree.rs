@@ -340,9 +340,9 @@ impl WideNode {
         (weights, total(&weights))
     }
 
-    /// Bounds of the irradiance at `from`, on a surface that faces the lights: the intensity at the least angle to where
-    /// a light may face, over the squared distance of the centre ([ContyKulla18] eq. 3). Without branches, so that all
-    /// lanes are computed at once.
+    /// Bounds of the irradiance at `from`, on a surface that faces the lights: the intensity at the least angle to
+    /// where a light may face, over the squared distance of the centre ([ContyKulla18] eq. 3). Without branches, so
+    /// that all lanes are computed at once.
     #[inline]
     fn importance(&self, from: Vec3) -> Lanes {
         let mut bounds = [0.0; WIDTH];

@@ -50,8 +50,8 @@ pub(super) fn list(root: &Root) -> Vec<Animation> {
     root.animations.iter().enumerate().map(animation).collect()
 }
 
-/// The nodes at this many seconds, moved by all animations of the file. Before its first keyframe a property has the value
-/// of the first, after its last that of the last. Where two animations move one property, the first counts.
+/// The nodes at this many seconds, moved by all animations of the file. Before its first keyframe a property has the
+/// value of the first, after its last that of the last. Where two animations move one property, the first counts.
 pub(super) fn nodes(data: &Data<'_>, seconds: f64, warnings: &mut Warnings) -> Result<Vec<Node>> {
     let root = data.root;
     let mut nodes = root.nodes.clone();

@@ -30,8 +30,8 @@ pub enum Part {
 pub struct ImageCodec {
     /// Width and height of an image in texels; `None` for bytes of another format.
     pub size: fn(&[u8]) -> Option<[u32; 2]>,
-    /// The texels of an image of that size, 8 bits for each of red, green, blue and opacity, from the top left on. The second
-    /// argument is the image's place, for messages.
+    /// The texels of an image of that size, 8 bits for each of red, green, blue and opacity, from the top left on. The
+    /// second argument is the image's place, for messages.
     pub texels: fn(&[u8], &str) -> Result<Vec<u8>>,
 }
 

@@ -464,8 +464,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The archived forerunner of metallic-roughness: a base and the colour of its reflectance. An index of 0 makes that colour
-    /// the reflectance at normal incidence [KHR_materials_ior].
+    /// The archived forerunner of metallic-roughness: a base and the colour of its reflectance. An index of 0 makes
+    /// that colour the reflectance at normal incidence [KHR_materials_ior].
     fn glossiness(&mut self, value: &json::Value, out: &mut Material) -> Result<()> {
         let name = "KHR_materials_pbrSpecularGlossiness";
         let read: GlossinessExtension = self.untyped(name, value)?;

@@ -592,8 +592,8 @@ fn faces(
     }
 }
 
-/// Transforms a mesh to world space, by `poses` of its vertices if there are any, else by its own. A mirroring pose reverses
-/// the winding, so that the front stays the front `[glTF §3.7.4]`.
+/// Transforms a mesh to world space, by `poses` of its vertices if there are any, else by its own. A mirroring pose
+/// reverses the winding, so that the front stays the front `[glTF §3.7.4]`.
 fn put(
     data: &Data<'_>,
     mesh: &mut Mesh,

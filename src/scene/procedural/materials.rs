@@ -66,7 +66,7 @@ pub fn brushed(mut base: Material, strength: f32, rotation: f32) -> Material {
     base
 }
 
-/// A material whose base transmits light of the colour `transmitted` with the share `weight`, diffusely. Both sides are seen.
+/// A material whose base transmits the share `weight` diffusely, in the colour `transmitted`. Cameras see both sides.
 pub fn translucent(mut base: Material, weight: f32, transmitted: Rgb) -> Material {
     base.finish_mut().translucency = Some(Translucency {
         weight,

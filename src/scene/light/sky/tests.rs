@@ -10,8 +10,8 @@ fn sky(elevation: f32, turbidity: f32) -> Sky {
     }
 }
 
-/// Chromaticities of a clear zenith are daylight's, y = −3 x² + 2.87 x − 0.275 (CIE 15): a coefficient with a wrong digit
-/// leaves that curve.
+/// Chromaticities of a clear zenith are daylight's, y = −3 x² + 2.87 x − 0.275 (CIE 15): a coefficient with a wrong
+/// digit leaves that curve.
 #[test]
 fn preetham_zenith_lies_on_the_daylight_locus() {
     for elevation in [20.0, 40.0, 60.0, 80.0] {
@@ -40,8 +40,8 @@ fn preetham_zenith_luminance_by_hand() {
     assert!((x - by_hand[0]).abs() < 1e-6 && (y - by_hand[1]).abs() < 1e-6);
 }
 
-/// A clear sky on a plane, the sun at 45°: 60 to 100 klx with the sun, as measured. Without it measured skies give 10 to 20;
-/// Preetham's are known to be brighter, at this turbidity 29.
+/// A clear sky on a plane, the sun at 45°: 60 to 100 klx with the sun, as measured. Without it measured skies give 10
+/// to 20; Preetham's are known to be brighter, at this turbidity 29.
 #[test]
 fn sky_lights_the_ground_as_measured() {
     let [mut sun, mut all] = [0.0; 2];
