@@ -1,15 +1,15 @@
 //! Brushed surface: [`Glossy`] whose lobe is rougher along one tangent than across it `[KHR_materials_anisotropy]`.
 //!
-//! Slopes of both distributions keep their shape under stretching `[Heitz14]`. With roughnesses αₓ = α sₓ and α_y = α s_y
-//! a lobe is therefore the isotropic one of roughness α in slopes divided by (sₓ, s_y): with h̃ = (hₓ/sₓ, h_y/s_y, h_z)
-//! and w̃ = (sₓ wₓ, s_y w_y, w_z),
+//! Both distributions of slopes keep their form under stretching `[Heitz14]`. With roughnesses αₓ = α sₓ and
+//! α_y = α s_y a lobe is therefore the isotropic one of roughness α in slopes divided by (sₓ, s_y): with
+//! h̃ = (hₓ/sₓ, h_y/s_y, h_z) and w̃ = (sₓ wₓ, s_y w_y, w_z),
 //!
 //! ```text
 //! D(h; αₓ, α_y) = D(h̃; α) (|h|/|h̃|)⁴ / (sₓ s_y)          Λ(w; αₓ, α_y) = Λ(w̃; α)
 //! ```
 //!
-//! (sₓ, s_y) does not depend on α. So one [`LobeQuery`] serves every roughness here too, rules that raise α raise both
-//! roughnesses in proportion, and nothing outside this file knows of two.
+//! (sₓ, s_y) does not depend on α. So one [`LobeQuery`] is valid at every roughness here too, rules that raise α raise
+//! both roughnesses in proportion, and no other file treats the two separately.
 
 use super::lobes::{above, finish, mirror};
 use super::{BsdfSample, DELTA_ALPHA, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery};
@@ -18,17 +18,17 @@ use crate::math::{Rgb, Vec2, Vec3};
 
 /// Smallest ratio of the roughnesses.
 const MIN_RATIO: f32 = 1e-3;
-/// Its fourth root, rounded up.
+/// Fourth root of [`MIN_RATIO`], rounded up.
 const MIN_ROOT: f32 = 0.177_828;
-/// Steps of the direction, half a turn together.
+/// Number of steps of the direction in half a turn.
 const DIRECTIONS: u32 = 1 << 13;
-/// Largest code of the ratio, that of 1.
+/// Largest code of the ratio: the code of [`MIN_RATIO`]; 0 is a ratio of 1.
 const RATIOS: u32 = (1 << 11) - 1;
 
 /// Glossy lobe of two roughnesses over a Lambertian base.
 ///
-/// Direction and ratio of the roughnesses share three bytes, so that it is as small as a [`Glossy`]: steps of 5·10⁻⁴ in
-/// the direction and of at most 1 % in the ratio.
+/// Direction and ratio of the roughnesses are coded in three bytes, so that this type is no larger than [`Glossy`].
+/// Steps are 5·10⁻⁴ rad in the direction and at most 1 % in the ratio.
 #[derive(Clone, Copy, Debug)]
 pub struct Anisotropic {
     f0: Rgb,
@@ -51,7 +51,7 @@ fn encode(direction: Vec2, ratio: f32) -> [u8; 3] {
 }
 
 impl Anisotropic {
-    /// A lobe of these roughnesses along and across a direction, none of them that of a Dirac delta.
+    /// A lobe of these roughnesses along and across a direction, with `along` at least [`DELTA_ALPHA`].
     pub(super) fn new(lobe: Glossy, along: f32, across: f32, direction: Vec2) -> Self {
         let ratio = across.clamp(DELTA_ALPHA, along) / along;
         let stretched = Self::of(lobe, encode(direction, ratio));
@@ -104,14 +104,14 @@ impl Anisotropic {
         u32::from_le_bytes([a, b, c, 0])
     }
 
-    /// Local unit tangent along which the surface is the rougher, one of the two.
+    /// Local unit tangent of the larger roughness; its sign is arbitrary.
     pub fn direction(&self) -> Vec2 {
         let turn = self.number() / (RATIOS + 1);
         let y = turn as f32 * (2.0 / DIRECTIONS as f32) - 1.0;
         Vec2::new(1.0 - y.abs(), y).normalize()
     }
 
-    /// Factors (sₓ, s_y) that take α to the roughnesses along and across.
+    /// Factors (sₓ, s_y) from α to the roughnesses along and across [`Self::direction`].
     fn scales(&self) -> [f32; 2] {
         let below = (self.number() % (RATIOS + 1)) as f32 / RATIOS as f32;
         let root = 1.0 - (1.0 - MIN_ROOT) * below;
@@ -119,12 +119,12 @@ impl Anisotropic {
         [1.0 / half, half]
     }
 
-    /// Roughnesses along and across the brushing where that of the BSDF is `alpha`.
+    /// Roughnesses along and across [`Self::direction`] if the BSDF has roughness `alpha`.
     pub fn alphas(&self, alpha: f32) -> [f32; 2] {
         self.scales().map(|s| alpha * s)
     }
 
-    /// A local direction in coordinates along and across the brushing.
+    /// A local direction in coordinates along and across [`Self::direction`].
     #[inline]
     fn turned(direction: Vec2, w: Vec3) -> Vec3 {
         let Vec2 { x, y } = direction;
@@ -185,7 +185,7 @@ impl Anisotropic {
         }
         let (direction, [x, y]) = (self.direction(), self.scales());
         let turned = Self::turned(direction, wo);
-        // Normals that w̃ sees in the isotropic distribution are, stretched, those that w sees in this one.
+        // Stretching maps normals visible from w̃ in the isotropic distribution to normals visible from w in this one.
         let wide = Vec3::new(turned.x * x, turned.y * y, turned.z);
         let h = self.distribution.sample_visible(alpha, wide, u);
         let back = Vec2::new(direction.x, -direction.y);

@@ -1,19 +1,19 @@
 //! Base of a surface under a clear coat `[KHR_materials_clearcoat]`, sheen `[KHR_materials_sheen]`, or both.
 //!
-//! A surface with a clear coat draws one of two BSDFs at every hit, as a partly transmissive one does: the coat, which is
-//! a [`Glossy`] of its own roughness, or its base, which is one of these. So each has one roughness, which rules roughen
-//! and classes count. With F the coat's reflectance (Schlick, index 1.5), c its weight and a the base's value:
+//! A surface with a clear coat draws one of two BSDFs at every hit, as a partly transmissive one does: the coat, which
+//! is a [`Glossy`] of its own roughness, or the base, which is a [`Clearcoated`]. Each has a single roughness, as rules
+//! and classes require. With F the coat's reflectance (Schlick, index 1.5), c its weight and a the base's value:
 //!
 //! ```text
 //! f(wo, wi) = c F(wo·h) D G2 / (4 cos θo cos θi) + (1 − c F(min(cos θo, cos θi))) a(wo, wi)
 //! ```
 //!
-//! The extension takes F(cos θo) for the base, which is not reciprocal. The larger of both reflectances is
-//! reciprocal and transmits no more light. A smooth coat over a mirror reflects exactly 1 in total. The model loses only light that
-//! the coat returns to a base that scatters widely.
+//! The extension takes F(cos θo) for the base, which is not reciprocal. The larger of both reflectances is reciprocal
+//! and transmits no more light. A smooth coat over a mirror reflects exactly 1 in total. The model omits only light
+//! that the coat reflects back to a diffuse or rough base.
 //!
-//! Sheen lies between coat and base, is drawn likewise, and dims its base by its reflectance E as the extension does, but by
-//! the larger of both directions': 1 − max(colour) max(E(cos θo), E(cos θi)).
+//! Sheen lies between coat and base and is drawn in the same way. It dims the base by its reflectance E as in the
+//! extension, but by the larger of both directions: 1 − max(colour) max(E(cos θo), E(cos θi)).
 
 use super::fresnel::schlick;
 use super::sheen::{Sheen, sheen_albedo};
@@ -26,7 +26,7 @@ use crate::math::{Rgb, Vec3};
 /// Reflectance of the coat at normal incidence: that of index 1.5.
 const F0: f32 = 0.04;
 
-/// Probability that the coat is drawn, per weight of the coat. It carries little light, but that of lamps.
+/// Probability that the coat is drawn, per weight of the coat. The coat reflects little light except highlights.
 const CHANCE: f32 = 0.25;
 
 /// Probability that the sheen is drawn where the coat is not, per largest channel of its colour.
@@ -88,12 +88,12 @@ pub fn clearcoated(
     covered(&covers, u, base)
 }
 
-/// A uniform number that is at least `chance`, as a uniform number again.
+/// Maps a uniform number in [`chance`, 1) to a uniform number in [0, 1).
 fn rest(u: f32, chance: f32) -> f32 {
     ((u - chance) / (1.0 - chance)).min(1.0 - f32::EPSILON / 2.0)
 }
 
-/// The BSDF of a covered surface: coat, sheen or base, as [`clearcoated`].
+/// The BSDF of a covered surface, drawn from coat, sheen and base; see [`clearcoated`].
 pub fn covered(covers: &Covers, u: f32, base: impl FnOnce(f32) -> Bsdf) -> Bsdf {
     let Covers {
         coat,
@@ -148,7 +148,7 @@ impl Clearcoated {
             Bsdf::Exact(l) => Base::Exact(l),
             Bsdf::Translucent(l) => Base::Translucent(l),
             Bsdf::Clearcoated(l) => l.base,
-            // No surface, which could have a coat.
+            // A medium has no surface and no coat.
             Bsdf::Phase(_) => return base,
         };
         Bsdf::Clearcoated(Self { base, coat, sheen })

@@ -27,8 +27,8 @@ pub enum Distribution {
     HenyeyGreenstein,
 }
 
-/// Largest exponent x of e^(−x) in Beckmann's D: beyond it D is below 1e-34, set to 0, and its derivative in α would
-/// overflow.
+/// Largest exponent x of e^(−x) in Beckmann's D. Beyond it e^(−x) is below 2e-35 and D is set to 0, because its
+/// derivative in α would overflow.
 const CUT: f64 = 80.0;
 
 /// Largest argument of Beckmann's Λ that is not set to 0: Λ is below 1e-9 beyond it.
@@ -47,7 +47,7 @@ impl LobeReal for f32 {
         if self > LAMBDA_END as f32 {
             return 0.0;
         }
-        // One exponential serves both terms.
+        // Both terms share one exponential.
         0.5 * (-self * self).exp() * (1.0 / (self * SQRT_PI as f32) - scaled_erfc(self))
     }
 }
@@ -84,9 +84,9 @@ impl<F: Real> LobeReal for Dual<F> {
 }
 
 impl Distribution {
-    /// Density of microfacet normals D(θ_h) per steradian, for α > 0 and `tan2_h` = tan² θ_h
-    /// `[Walter07 (25), (33)]`. Finite and at least 0 for every tangent, 0 at the horizon. Of a phase function its value at
-    /// twice the angle.
+    /// Density of microfacet normals D(θ_h) per steradian, for α > 0 and `tan2_h` = tan² θ_h `[Walter07 (25), (33)]`.
+    /// Finite and at least 0 for every tangent, 0 at the horizon. For a phase function, its value at twice the angle
+    /// θ_h.
     #[inline]
     pub(crate) fn d<T: Real>(self, alpha: T, tan2_h: f32) -> T {
         let t = T::constant(tan2_h);
@@ -136,14 +136,14 @@ impl Distribution {
                 let one = T::constant(1.0);
                 x / (T::constant(2.0) * (one + (one + x).sqrt()))
             }
-            // Nothing masks a point.
+            // A point of a medium has no masking.
             Self::HenyeyGreenstein => T::constant(0.0),
         }
     }
 
     /// Samples a normal visible from `wo`, `wo.z` > 0, with density D(h) G1(wo) max(0, wo·h) / cos θ_o per steradian
-    /// `[HeitzDEon14 (2)]`; that of the surface for a Dirac lobe. `u` is uniform in [0, 1)³, of which the last two count. The
-    /// result has `z` = 1 in place of unit length, so that small slopes keep their digits.
+    /// `[HeitzDEon14 (2)]`; the surface normal for a Dirac lobe. Only the last two of the numbers `u` in [0, 1)³ are
+    /// used. The result has `z` = 1 in place of unit length, so that small slopes keep their digits.
     #[inline]
     pub(crate) fn sample_visible(self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Vec3 {
         if alpha < DELTA_ALPHA {

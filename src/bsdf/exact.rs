@@ -1,5 +1,5 @@
-//! Microfacet reflection by Fresnel's own equations: a metal of complex index, or a dielectric coat over a Lambertian base.
-//! Other renderers' scenes have these; glTF has Schlick's approximation, which is [`Glossy`](super::Glossy).
+//! Microfacet reflection by Fresnel's equations: a metal of complex index, or a dielectric coat over a Lambertian base.
+//! Scenes of other renderers use them; glTF uses Schlick's approximation, see [`Glossy`](super::Glossy).
 
 use super::fresnel::{conductor, dielectric, dielectric_average};
 use super::lobes::{above, delta, finish, mirror, reflection};
@@ -10,7 +10,7 @@ use std::f32::consts::FRAC_1_PI;
 /// Optical boundary at a surface's facets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Interface {
-    /// A metal of index `eta` + i `k`, over that of the outside.
+    /// A metal of index `eta` + i `k`, relative to the outside.
     Metal {
         /// Real part.
         eta: Rgb,
@@ -19,7 +19,7 @@ pub enum Interface {
     },
     /// A clear layer over a Lambertian base.
     Coat {
-        /// Index of refraction over that of the outside.
+        /// Index of refraction relative to the outside.
         eta: f32,
         /// Reflectance of the base in [0, 1].
         albedo: Rgb,
@@ -114,7 +114,7 @@ impl Exact {
             let p = self.glossy_probability(wo.z.min(1.0));
             query.pdf_scale *= p;
             query.base_pdf = (1.0 - p) * wi.z * FRAC_1_PI;
-            // As in `Glossy`: what enters and leaves a smooth coat, over what leaves it on the mean.
+            // As in `Glossy`: transmittances of a smooth coat inwards and outwards, over their cosine-weighted mean.
             let through = |w: Vec3| 1.0 - dielectric(w.z.min(1.0), eta);
             let coupling = through(wo) * through(wi) / (1.0 - average).max(1e-6);
             query.base = albedo * (coupling * wi.z * FRAC_1_PI);

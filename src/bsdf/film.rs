@@ -1,10 +1,9 @@
 //! Iridescence `[KHR_materials_iridescence]`: a thin film whose two reflections interfere, over a surface of any kind.
 //!
-//! Belcour, Barla: *A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence*, SIGGRAPH 2017: Airy's
-//! sum, integrated over the eye's sensitivities with four bounces inside the film, where the extension's listing has two.
-//! Interfaces reflect by Schlick, as the
-//! extension has it. The reflectance is a function of the half vector alone, so that the lobes stay reciprocal, where the
-//! extension's listing takes the view's angle for the base.
+//! Belcour, Barla: *A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence*, SIGGRAPH 2017:
+//! Airy's sum, integrated over the eye's sensitivities with four bounces inside the film. The extension's listing has
+//! two. Interfaces reflect by Schlick's approximation, as in the extension. The reflectance depends on the half vector
+//! alone, so that the lobes are reciprocal; the extension's listing takes the angle of view for the base.
 
 use super::fresnel::{dielectric, schlick};
 use super::lobes::{above, finish, mirror};
@@ -18,7 +17,7 @@ use std::f64::consts::{PI, TAU};
 /// A film on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Film {
-    /// Share of the surface that has it, in [0, 1].
+    /// Share of the surface that the film covers, in [0, 1].
     pub weight: f32,
     /// Index of refraction, at least 1.
     pub ior: f32,
@@ -26,8 +25,8 @@ pub struct Film {
     pub thickness: f32,
 }
 
-/// Gaussian fit to the sensitivities x, y and z over the wave number: height, position and half the variance, and x's second
-/// lobe (Belcour and Barla).
+/// Gaussian fits to the sensitivities x, y and z over the wave number in 1/m: height, position and half the variance.
+/// The fourth row is the second lobe of x (Belcour and Barla).
 const EYE: [[f64; 3]; 4] = [
     [5.4856e-13, 1.6810e6, 4.3278e9],
     [4.4201e-13, 1.7953e6, 9.3046e9],
@@ -38,8 +37,8 @@ const EYE: [[f64; 3]; 4] = [
 /// Integral of the sensitivity y.
 const EYE_Y: f64 = 1.0685e-7;
 
-/// Sensitivities x, y and z to a cosine of the optical path difference `path` in metres, shifted by a phase; in units of
-/// y's integral.
+/// Sensitivities x, y and z to cos(2π `path` k + `shift`) over wave numbers k, with the optical path difference `path`
+/// in metres; in units of y's integral.
 fn sensitivity(path: f64, shift: f64) -> DVec3 {
     let phase = TAU * path;
     let lobe = |[height, position, variance]: [f64; 3]| {
@@ -77,7 +76,7 @@ struct Interference {
 }
 
 impl Film {
-    /// `None` where light cannot enter the film.
+    /// Optics for the cosine of incidence `cos` and a base of reflectance `f0`; `None` if light cannot enter the film.
     fn interference(&self, f0: f64, cos: f64) -> Option<Interference> {
         // A film that vanishes has the index of air.
         let t = (f64::from(self.thickness) / 0.03).clamp(0.0, 1.0);
@@ -91,7 +90,7 @@ impl Film {
         let base = (1.0 + root) / (1.0 - root);
         let upper = schlick_of(f0_of(ior, 1.0), cos);
         let lower = schlick_of(f0_of(base, ior), inside);
-        // Reflection at the denser side turns the phase by half a wave: from inside, at the film's upper side never.
+        // Inside the film only a denser base shifts the phase, by π; the sum of 2π otherwise is no shift.
         let turned = if base < ior { PI } else { 0.0 };
         Some(Interference {
             reflectance: [upper, lower],
@@ -100,8 +99,8 @@ impl Film {
         })
     }
 
-    /// Reflectance of film and base, one channel of which has a base of reflectance `f0` at normal incidence, in linear
-    /// Rec. 709: the mean over the waves, and their interference as the eye's sensitivities see it.
+    /// Reflectance in linear Rec. 709 of the film on a base of reflectance `f0` at normal incidence: a spectral mean
+    /// plus interference by the eye's sensitivities. For coloured bases only the channel of `f0` is valid.
     fn rgb(&self, f0: f64, cos: f64) -> DVec3 {
         let Some(Interference {
             reflectance: [upper, lower],
@@ -124,8 +123,8 @@ impl Film {
         DVec3::splat(upper + returned) + rec709(waves)
     }
 
-    /// Reflectance in [0, 1] of the surface with its film, for a base that reflects `plain` there and `f0` at normal
-    /// incidence; `cos` between a direction and the half vector.
+    /// Reflectance in [0, 1] of the surface with its film, for a base that reflects `f0` at normal incidence and
+    /// `plain` at `cos`, the cosine between a direction and the half vector.
     pub(crate) fn reflectance(&self, f0: Rgb, plain: Rgb, cos: f32) -> Rgb {
         let cos = f64::from(cos.clamp(0.0, 1.0));
         let of = |c: usize| self.rgb(f0[c].into(), cos)[c];
@@ -199,8 +198,8 @@ impl Iridescent {
         }
     }
 
-    /// Reflectance with the film, and without it, at a half vector whose cosine with a direction is `cos`, on the side of an
-    /// index of 1 over `eta` of the other side's.
+    /// Reflectance with the film, and without it, at a half vector whose cosine with a direction is `cos`. `eta` is the
+    /// index of the other side over that of the direction's side.
     fn reflectances(&self, cos: f32, eta: f32) -> [Rgb; 2] {
         match self.under {
             Under::Glossy(Glossy { f0, f90, .. }) | Under::Thin(ThinDielectric { f0, f90, .. }) => {
@@ -209,7 +208,7 @@ impl Iridescent {
             }
             Under::Dielectric(_) => {
                 let plain = Rgb::splat(dielectric(cos, eta));
-                // The film is the same from inside, where its outer angle is that of the light beyond.
+                // From inside, the film reflects as from outside at the refracted angle.
                 let beyond = 1.0 - (1.0 - cos * cos) / (eta * eta);
                 let outer = match eta >= 1.0 {
                     true => cos,
@@ -225,7 +224,7 @@ impl Iridescent {
         }
     }
 
-    /// Index of the other side over that of `wo`'s side.
+    /// Index of the other side over the index on the side of `wo`.
     fn eta(&self, wo: Vec3) -> f32 {
         match self.under {
             Under::Dielectric(l) if wo.z > 0.0 => l.eta,
@@ -234,8 +233,8 @@ impl Iridescent {
         }
     }
 
-    /// |wo·h| of the half vector of reflection or refraction. In reflection both directions have the same, |wo + wi|/2: a film's
-    /// phase would show the last bits of a cosine that is not symmetric.
+    /// |wo·h| of the half vector of reflection or refraction. In reflection it is computed as |wo + wi|/2, which is
+    /// symmetric in both directions to the last bit: the film's phase amplifies rounding errors.
     fn cos(&self, wo: Vec3, wi: Vec3) -> f32 {
         let cos = match self.under {
             Under::Thin(_) => 0.5 * (wo + wi.with_z(wi.z.abs().copysign(wo.z))).length(),
@@ -258,13 +257,13 @@ impl Iridescent {
         if let Under::Glossy(glossy) = self.under {
             query.scale = film * plane;
             if glossy.albedo != Rgb::ZERO {
-                // The larger of both reflectances, as under a clear coat: reciprocal, and never too much.
+                // The larger of both reflectances, as under a clear coat: it is reciprocal and gains no energy.
                 let [o, i] = [wo, wi].map(|w| self.reflectances(w.z.abs().min(1.0), 1.0)[0]);
                 query.base = glossy.albedo * (Rgb::ONE - o.max(i)) * (wi.z.abs() * FRAC_1_PI);
             }
             return Some(query);
         }
-        // Selected by the film's reflectance: the base's own may be nothing at all.
+        // Selected by the film's reflectance, because the base's own may be 0.
         let chance = luminance(film);
         if !through {
             (query.scale, query.pdf_scale) = (film * plane, chance * plane);
@@ -341,7 +340,7 @@ impl Iridescent {
             (Under::Glossy(l), _) => film / l.glossy_probability(cos),
             (_, Lobe::Reflection) => film / chance,
             (Under::Thin(l), _) => (Rgb::ONE - film) * l.tint / (1.0 - chance),
-            // That of the base is over its own selection already.
+            // The base's weight is already divided by its selection probability.
             _ => sample.weight * (Rgb::ONE - film) / (1.0 - chance),
         };
         sample.weight.is_finite().then_some(sample)

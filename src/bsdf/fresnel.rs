@@ -20,9 +20,9 @@ pub fn dielectric(cos: f32, eta: f32) -> f32 {
     (0.5 * a * a * (1.0 + b * b)).min(1.0)
 }
 
-/// Reflectance in [0, 1] of a smooth metal of index `eta` + i `k`, over that of this side, for unpolarised light: Fresnel's
-/// equations for a complex index `[PBRT4 §9.3.6]`, in real numbers (Born, Wolf: *Principles of Optics*, §14.2). Exact also for
-/// `k` = 0, where it is [`dielectric`].
+/// Reflectance in [0, 1] of a smooth metal of index `eta` + i `k` relative to this side, for unpolarised light:
+/// Fresnel's equations for a complex index `[PBRT4 §9.3.6]`, in real numbers (Born, Wolf: *Principles of Optics*,
+/// §14.2). For `k` = 0 it equals [`dielectric`].
 pub fn conductor(cos: f32, eta: f32, k: f32) -> f32 {
     let cos2 = cos * cos;
     let sin2 = (1.0 - cos2).max(0.0);
@@ -36,7 +36,7 @@ pub fn conductor(cos: f32, eta: f32, k: f32) -> f32 {
     let (t3, t4) = (cos2 * modulus + sin2 * sin2, t2 * sin2);
     let p = s * (t3 - t4) / (t3 + t4);
     let mean = 0.5 * (s + p);
-    // 0/0 for the index of the outside itself.
+    // 0/0 if both sides have the same index.
     if mean.is_nan() {
         0.0
     } else {

@@ -1,4 +1,4 @@
-//! Lobes of the BSDFs. Local directions, `z` up; opaque BSDFs scatter on both sides.
+//! Lobes of the BSDFs in local directions, `z` up. Opaque BSDFs reflect on both sides.
 
 use super::fresnel::{dielectric, schlick, schlick_average};
 use super::{BsdfSample, DELTA_ALPHA, Distribution, Lobe, LobeNumbers, LobeQuery};
@@ -16,10 +16,10 @@ pub struct Diffuse {
 /// Microfacet reflection over a Lambertian base.
 #[derive(Clone, Copy, Debug)]
 pub struct Glossy {
-    /// Reflectance at normal incidence in [0, 1], for Schlick's approximation; over the chance that it was drawn for a
-    /// clear coat.
+    /// Reflectance at normal incidence in [0, 1], for Schlick's approximation. A drawn clear coat has it divided by its
+    /// selection probability.
     pub f0: Rgb,
-    /// Reflectance at grazing incidence, as `f0`, not below a channel of it; 1 unless a file says otherwise.
+    /// Reflectance at grazing incidence, scaled as `f0` and at least its largest channel; 1 unless a file sets it.
     pub f90: f32,
     /// Reflectance of the base in [0, 1]; zero for a metal.
     pub albedo: Rgb,
@@ -47,10 +47,10 @@ pub struct Dielectric {
 pub struct ThinDielectric {
     /// Reflectance at normal incidence in [0, 1], for Schlick's approximation.
     pub f0: Rgb,
-    /// Reflectance at grazing incidence in [0, 1], not below a channel of `f0`; 1 unless a file says otherwise.
+    /// Reflectance at grazing incidence in [0, 1], at least the largest channel of `f0`; 1 unless a file sets it.
     pub f90: f32,
-    /// Index of refraction of a pane with both its faces and all that goes to and fro between them; 0 for Schlick's
-    /// approximation of one face. `f0` is then a factor of the reflectance.
+    /// Index of refraction of a pane with two faces and the interreflection between them, where `f0` is a factor of the
+    /// reflectance; 0 for Schlick's approximation of one face.
     pub eta: f32,
     /// Factor of the transmitted light in [0, 1].
     pub tint: Rgb,
@@ -204,8 +204,8 @@ impl Glossy {
         (glossy / (glossy + base)).clamp(0.05, 0.95)
     }
 
-    /// Factor of albedo/π in the base's value at these cosines: what enters and leaves a smooth coat, over what leaves it
-    /// on the mean.
+    /// Factor of albedo/π in the base's value at these cosines: transmittances of a smooth coat inwards and outwards,
+    /// over their cosine-weighted mean.
     ///
     /// Deviates from glTF's (1 − F(o·h)) · albedo/π, which gains energy at grazing angles: up to 0.9 of the
     /// albedo on top of a mirror. The coupling by Kelemen and Szirmay-Kalos (2001) is reciprocal, does not
@@ -395,13 +395,13 @@ impl ThinDielectric {
         rest * self.tint
     }
 
-    /// Chance of a reflection where the wall is smooth.
+    /// Selection probability of the reflection of a smooth wall.
     pub(super) fn reflectance(&self, wo: Vec3) -> f32 {
         luminance(self.parts(wo.z.abs().min(1.0))[0])
     }
 
-    /// Shares of light at this cosine that are reflected, and that are left to pass, in [0, 1]. With the reflectance r of a face both faces
-    /// have r + (1 − r)² r + … = 2r/(1 + r); what a tint takes from that reflection is absorbed.
+    /// Reflected and transmitted shares of light in [0, 1] at this cosine, without `tint`. Two faces of reflectance r
+    /// reflect r + (1 − r)² r + … = 2r/(1 + r); the factor `f0` absorbs a part of it.
     #[inline]
     fn parts(&self, cos: f32) -> [Rgb; 2] {
         if self.eta == 0.0 {

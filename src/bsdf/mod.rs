@@ -11,8 +11,8 @@
 //! D·G1. Rendering evaluates the query at once. Training stores it and evaluates it at other roughness values in dual
 //! numbers, so that value and derivative come from one formula.
 //!
-//! **Reciprocity.** [`Bsdf::eval`] gives radiance: `wo` is the direction towards the camera and `wi` the one towards the
-//! light, whichever of them a walk arrives from. With η the index on the side of a direction,
+//! **Reciprocity.** [`Bsdf::eval`] gives radiance: `wo` is the direction towards the camera and `wi` the one towards
+//! the light, whichever of them a walk arrives from. With η the index on the side of a direction,
 //! f(wo, wi)/ηₒ² = f(wi, wo)/ηᵢ² `[Veach97 §5.2]`; reflection has ηₒ = ηᵢ.
 
 use crate::math::{Rgb, Vec2, Vec3};
@@ -63,7 +63,7 @@ pub enum Bsdf {
     Anisotropic(Anisotropic),
     /// [`Glossy`], [`Dielectric`] or [`ThinDielectric`] under a thin film.
     Iridescent(Iridescent),
-    /// Fibres that stand on a surface.
+    /// Sheen of fibres on a surface.
     Sheen(Sheen),
     /// [`Glossy`] with Fresnel's equations in place of Schlick's approximation.
     Exact(Exact),
@@ -73,9 +73,9 @@ pub enum Bsdf {
     Phase(Phase),
 }
 
-/// The BSDF of a lobe of roughness `along` the local tangent `direction`, which may have any length but 0, and of roughness
-/// `across` it, at most `along`; the roughness of `lobe` does not count. A mirror where `along` is that of a Dirac delta;
-/// otherwise neither is.
+/// BSDF of `lobe` with roughness `along` the local tangent `direction`, of any length but 0, and roughness `across` it,
+/// at most `along`; `lobe.alpha` is ignored. A mirror if `along` is below [`DELTA_ALPHA`]; otherwise `across` is raised
+/// to it.
 pub fn anisotropic(lobe: Glossy, along: f32, across: f32, direction: Vec2) -> Bsdf {
     match along < DELTA_ALPHA {
         true => Bsdf::Glossy(Glossy {
@@ -86,8 +86,8 @@ pub fn anisotropic(lobe: Glossy, along: f32, across: f32, direction: Vec2) -> Bs
     }
 }
 
-/// The BSDF of a surface like `base` whose base transmits `transmitted` in [0, 1] besides; other BSDFs than Lambertian and
-/// coated ones stay as they are. A base that would gain energy is scaled down.
+/// BSDF of `base` with a diffuse transmittance `transmitted` in [0, 1] added; only Lambertian and coated BSDFs change.
+/// The base's albedo and transmittance are scaled down where they sum to more than 1.
 pub fn translucent(base: Bsdf, transmitted: Rgb) -> Bsdf {
     let gloss = match base {
         _ if transmitted == Rgb::ZERO => return base,
@@ -105,10 +105,10 @@ pub fn translucent(base: Bsdf, transmitted: Rgb) -> Bsdf {
 }
 
 impl Bsdf {
-    /// A surface without light.
+    /// A surface that scatters nothing.
     pub(crate) const BLACK: Self = Self::Diffuse(Diffuse { albedo: Rgb::ZERO });
 
-    /// Reflectance plus transmittance, roughly: for denoisers to divide by, and for filters that stop at its edges.
+    /// Approximate reflectance plus transmittance: denoisers divide by it, and filters stop at its edges.
     pub fn reflectance(&self) -> Rgb {
         match self {
             Self::Diffuse(d) => d.albedo,
@@ -125,8 +125,8 @@ impl Bsdf {
         }
     }
 
-    /// Original roughness of the glossy lobe; 1 for a purely diffuse BSDF. The geometric mean of the two of an anisotropic
-    /// lobe.
+    /// Original roughness of the glossy lobe; 1 for a purely diffuse BSDF. For an anisotropic lobe the geometric mean
+    /// of its two roughnesses.
     #[inline(always)]
     pub fn alpha(&self) -> f32 {
         match self {
@@ -168,7 +168,7 @@ impl Bsdf {
     #[inline]
     pub fn eval(&self, alpha: f32, wo: Vec3, wi: Vec3) -> BsdfEval {
         match self {
-            // Most vertices are diffuse: in place, their query needs no memory.
+            // Most vertices are diffuse: inlined, their query stays in registers.
             Self::Diffuse(l) => l.query(wo, wi),
             _ => return self.eval_microfacet(alpha, wo, wi),
         }
@@ -187,7 +187,7 @@ impl Bsdf {
     /// probability of each; 0 where nothing is sampled.
     ///
     /// `pdf(alpha, wo, wi)` is the density of a walk from the camera, `pdf(alpha, wi, wo)` that of a walk from the
-    /// light. Neither computes a value: in [`Bsdf::eval`] the arguments never change places.
+    /// light. The arguments of [`Bsdf::eval`] are never swapped, because its value depends on their order.
     #[inline]
     pub fn pdf(&self, alpha: f32, from: Vec3, to: Vec3) -> f32 {
         self.query(from, to).map_or(0.0, |query| query.pdf(alpha))
@@ -200,14 +200,14 @@ impl Bsdf {
     #[inline(always)]
     pub fn sample(&self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Option<BsdfSample> {
         match self {
-            // Most vertices are diffuse: in place, their numbers stay in registers.
+            // Most vertices are diffuse: inlined, their numbers stay in registers.
             Self::Diffuse(l) => l.sample(wo, u.uniform()),
             _ => self.sample_microfacet(alpha, wo, u),
         }
     }
 
-    /// The Dirac lobe of smooth metal or glass that reflects or transmits light from `wo`, its weight not divided by the
-    /// probability with which it is drawn; `None` where there is none, as of a refraction beyond the critical angle.
+    /// Sample of the Dirac `lobe` of smooth metal or glass for `wo`, its weight not divided by the selection
+    /// probability. `None` if there is no such lobe, as for refraction beyond the critical angle.
     pub(crate) fn dirac(&self, wo: Vec3, lobe: Lobe) -> Option<BsdfSample> {
         let chance = match (self, lobe) {
             (Self::Dielectric(glass), Lobe::Reflection) => glass.reflectance(wo),
@@ -227,8 +227,8 @@ impl Bsdf {
         })
     }
 
-    /// Chance with which [`Bsdf::sample`] draws the reflection at smooth glass, where it draws a refraction besides; `None` for others, and
-    /// for glass under a film or a clear coat.
+    /// Probability that [`Bsdf::sample`] draws reflection rather than transmission at smooth glass. `None` if only one
+    /// of them can be drawn, for other BSDFs, and for glass under a film or a clear coat.
     #[inline]
     pub(crate) fn chance_of_reflection(&self, alpha: f32, wo: Vec3) -> Option<f32> {
         let chance = match self {
@@ -281,7 +281,7 @@ impl Bsdf {
         }
     }
 
-    /// True if all lobes are Dirac deltas at roughness `alpha`: `eval` is zero, and light sampling finds nothing.
+    /// True if all lobes are Dirac deltas at roughness `alpha`: `eval` is zero, and sampled lights contribute nothing.
     #[inline]
     pub fn is_delta_at(&self, alpha: f32) -> bool {
         let has_base = match self {
@@ -326,7 +326,7 @@ impl Bsdf {
         }
     }
 
-    /// Its name in lists of a path's vertices.
+    /// Name in listings of a path's vertices.
     pub(crate) fn name(&self) -> &'static str {
         match self {
             Self::Diffuse(_) => "diffuse",
@@ -343,7 +343,7 @@ impl Bsdf {
         }
     }
 
-    /// True for an opaque surface, whose light never leaves on the other side.
+    /// True for a bare opaque surface, which scatters only to the side of `wo`.
     #[inline]
     pub(crate) fn is_opaque(&self) -> bool {
         matches!(
@@ -389,12 +389,12 @@ impl Bsdf {
         }
     }
 
-    /// Index of refraction of the body over that outside of it; `None` for surfaces that bound no body.
+    /// Index of refraction of the body over that of its outside; `None` for surfaces that bound no body.
     pub(crate) fn eta(&self) -> Option<f32> {
         { *self }.dielectric_mut().map(|interface| interface.eta)
     }
 
-    /// Gives the interface of a body this index, if any; see [`Self::eta`].
+    /// Sets the index of a body's interface, as [`Self::eta`]; without an index or an interface nothing changes.
     #[inline]
     pub(crate) fn refract_by(&mut self, eta: Option<f32>) {
         if let (Some(eta), Some(interface)) = (eta, self.dielectric_mut()) {

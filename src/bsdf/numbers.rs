@@ -3,13 +3,13 @@
 use super::slope::Quantiles;
 use std::cell::OnceCell;
 
-/// Uniform numbers in [0, 1) from which a BSDF draws a lobe and a direction: three of them, or [`SharedNumbers`] for more
-/// than one draw.
+/// Uniform numbers in [0, 1) from which a BSDF draws a lobe and a direction: three numbers, or [`SharedNumbers`] for
+/// several draws.
 pub trait LobeNumbers: Copy {
-    /// Choice of the lobe, and the two of the direction.
+    /// One number for the choice of the lobe and two for the direction.
     fn uniform(self) -> [f32; 3];
 
-    /// Gaussian quantiles of the two of the direction.
+    /// Gaussian quantiles of the two numbers for the direction.
     fn quantiles(self) -> Quantiles;
 }
 
@@ -25,8 +25,8 @@ impl LobeNumbers for [f32; 3] {
     }
 }
 
-/// Numbers of several draws at one vertex, which differ in roughness: the quantiles do not depend on it, and are computed
-/// by the first draw that needs them.
+/// Numbers of several draws at one vertex at different roughnesses. The quantiles do not depend on the roughness, and
+/// are computed by the first draw that needs them.
 #[derive(Debug)]
 pub struct SharedNumbers {
     uniform: [f32; 3],

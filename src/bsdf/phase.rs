@@ -1,12 +1,12 @@
 //! Phase function of Henyey and Greenstein: *Diffuse radiation in the galaxy*, Astrophysical Journal 93, 1941.
 //!
-//! A point of a medium scatters like a surface point without a cosine: `eval` is the phase function itself, which is normalised over
-//! the sphere, so that value and density are equal and the weight of a draw is 1.
+//! A point of a medium scatters like a surface point without a cosine: `eval` is the phase function, which is
+//! normalised over the sphere, so that value and density are equal and the weight of a draw is 1.
 //!
-//! **Roughness.** α = 1 − |g|, with g the mean cosine of the deflection: 1 for isotropic scattering, 0 for none. The median
-//! deflection of a sharp lobe is √3 (1 − |g|), and that of a Beckmann reflection of roughness α at normal incidence
-//! 2 √(ln 2) α: 4 % less at equal α. `[OPSR §4.1]` names the mean cosine as a measure of roughness and leaves the scale
-//! open.
+//! **Roughness.** α = 1 − |g|, with g the mean cosine of the deflection: 1 for isotropic scattering, 0 for none. The
+//! median deflection of a sharp lobe is √3 (1 − |g|), and that of a Beckmann reflection of roughness α at normal
+//! incidence 2 √(ln 2) α: 4 % less at equal α. `[OPSR §4.1]` names the mean cosine as a measure of roughness and leaves
+//! the scale open.
 
 use super::lobes::finish;
 use super::{BsdfSample, DELTA_ALPHA, Distribution, Lobe, LobeNumbers, LobeQuery};
@@ -19,12 +19,12 @@ pub(crate) const MAX_MEAN_COSINE: f32 = 1.0 - DELTA_ALPHA;
 /// Phase function of a medium.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Phase {
-    /// Mean cosine g of the deflection in [−`MAX_MEAN_COSINE`, `MAX_MEAN_COSINE`]: above 0 light goes on forwards.
+    /// Mean cosine g of the deflection in [−`MAX_MEAN_COSINE`, `MAX_MEAN_COSINE`]; positive for forward scattering.
     pub mean_cosine: f32,
 }
 
 impl Phase {
-    /// Roughness of the lobe, 1 − |g|; rounding makes it no Dirac delta.
+    /// Roughness 1 − |g| of the lobe, clamped so that rounding does not make it a Dirac delta.
     #[inline]
     pub(crate) fn alpha(&self) -> f32 {
         (1.0 - self.mean_cosine.abs()).max(DELTA_ALPHA)
@@ -39,7 +39,7 @@ impl Phase {
     #[inline]
     pub(super) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
         let peak = self.peak(wo);
-        // tan² of half the angle to the peak: no digits are lost around it.
+        // tan² of half the angle to the peak, which keeps its digits near the peak.
         let tan2 = (wi - peak).length_squared() / (wi + peak).length_squared();
         Some(LobeQuery {
             base: Rgb::ZERO,
@@ -64,7 +64,7 @@ impl Phase {
         let (turn_sin, turn_cos) = (TAU * v).sin_cos();
         let frame = Frame::from_normal(self.peak(wo));
         let wi = frame.to_world(Vec3::new(sin * turn_cos, sin * turn_sin, 1.0 - off));
-        // By the roughness of its own: the lobe is the same one however it is roughened.
+        // By the original roughness, so that regularisation does not change the lobe.
         let lobe = if self.alpha() < 1.0 {
             Lobe::Reflection
         } else {
@@ -96,7 +96,7 @@ mod tests {
         Bsdf::Phase(Phase { mean_cosine })
     }
 
-    /// The sharpest lobe scatters all light still: rounding leaves 1 − g below the bound of Dirac deltas.
+    /// The sharpest lobe is no Dirac delta, although 1 − |g| is rounded to less than [`DELTA_ALPHA`].
     #[test]
     fn phase_of_the_greatest_mean_cosine_scatters() {
         for g in [MAX_MEAN_COSINE, -MAX_MEAN_COSINE] {

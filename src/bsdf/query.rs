@@ -1,4 +1,4 @@
-//! Value and density of a BSDF as functions of the roughness, and directions sampled from it: what all lobes return.
+//! Results of all lobes: value and density as functions of the roughness, and sampled directions.
 
 use super::{DELTA_ALPHA, Distribution, LobeReal};
 use crate::math::{Rgb, Vec3};
@@ -19,8 +19,8 @@ pub struct LobeQuery {
     pub scale: Rgb,
     /// Factor of D·G1(wo) in the density per steradian, selection probability included.
     pub pdf_scale: f32,
-    /// tan² of the angle between half vector and normal; as the two below, of stretched directions of an
-    /// [anisotropic](super::Anisotropic) lobe. Of a [phase function](super::Phase) tan² of half the angle to its peak.
+    /// tan² of the angle between half vector and normal. All three are of stretched directions for an
+    /// [anisotropic](super::Anisotropic) lobe. Of a [phase function](super::Phase), tan² of half the angle to its peak.
     pub tan2_h: f32,
     /// tan² of the angle between `wo` and normal.
     pub tan2_o: f32,
@@ -35,7 +35,7 @@ pub struct LobeQuery {
 pub struct BsdfEval {
     /// f·|cos θi| per steradian, without Dirac lobes.
     pub value: Rgb,
-    /// Density per steradian with which [`Bsdf::sample`](super::Bsdf::sample) at the same `alpha` samples `wi`, without Dirac lobes.
+    /// Density per steradian of [`Bsdf::sample`](super::Bsdf::sample) at the same `alpha`, without Dirac lobes.
     pub pdf_w: f32,
 }
 
@@ -57,8 +57,8 @@ pub struct BsdfSample {
     pub wi: Vec3,
     /// f·|cos θi| of the whole BSDF; without meaning if `delta`.
     pub value: Rgb,
-    /// f·|cos θi| / pdf of the whole BSDF; of the Dirac lobe alone, over its selection probability, if `delta`. Finite
-    /// and at least 0.
+    /// f·|cos θi| / pdf of the whole BSDF; if `delta`, the Dirac lobe's weight alone over its selection probability.
+    /// Finite and at least 0.
     pub weight: Rgb,
     /// Density of the whole BSDF at `wi` per steradian; 0 and without meaning if `delta`.
     pub pdf_w: f32,
@@ -86,7 +86,7 @@ impl LobeQuery {
         let one = T::constant(1.0);
         let d = self.distribution.d(alpha, self.tan2_h);
         if d.value() == 0.0 {
-            // Far from a sharp lobe: its masking is slow to compute and changes nothing.
+            // Far from a sharp lobe D is 0, and masking is slow to compute.
             return LobeShape { dg2: d, dg1: d };
         }
         let masked = one + self.distribution.lambda(alpha, self.tan2_o);
@@ -114,7 +114,7 @@ impl LobeQuery {
     }
 
     /// Density per steradian at roughness `alpha` in [0, 1]; that of the diffuse lobe alone below [`DELTA_ALPHA`].
-    /// The same bits as the density of [`LobeQuery::at`], without the work for the value.
+    /// Bitwise equal to the density of [`LobeQuery::at`], without computing the value.
     #[inline]
     pub(crate) fn pdf(&self, alpha: f32) -> f32 {
         if alpha < DELTA_ALPHA || self.is_diffuse() {

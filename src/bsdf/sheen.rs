@@ -1,7 +1,7 @@
-//! Sheen of cloth `[KHR_materials_sheen]`: the distribution of Estevez and Kulla, *Production Friendly Microfacet Sheen BRDF*,
-//! 2017, with its own shadowing.
+//! Sheen of cloth `[KHR_materials_sheen]`: distribution and shadowing of Estevez and Kulla, *Production Friendly
+//! Microfacet Sheen BRDF*, 2017.
 //!
-//! The lobe is so wide that rules have nothing to roughen: to them it is a diffuse one.
+//! The lobe is so wide that regularisation treats it as diffuse.
 
 use super::lobes::{NO_LOBE, above};
 use super::{BsdfSample, Lobe, LobeQuery};
@@ -9,16 +9,16 @@ use crate::math::{Rgb, Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::sync::LazyLock;
 
-/// Least roughness: below it the lobe is a rim that a picture cannot show.
+/// Least roughness: the lobe of a smaller one is a rim too thin for a picture.
 const LEAST: f32 = 0.01;
 
-/// Density of normals below which it is 0: values would be denormal numbers, which keep few digits.
+/// Densities of normals below this count as 0: values would be denormal numbers, which keep few digits.
 const NO_FIBRE: f32 = 1e-20;
 
-/// Fibres that stand on a surface.
+/// Fibres on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sheen {
-    /// Reflectance of the fibres in [0, 1], over the chance that the lobe was drawn.
+    /// Reflectance of the fibres in [0, 1], over the lobe's selection probability.
     pub color: Rgb,
     /// Roughness in [0, 1].
     pub alpha: f32,

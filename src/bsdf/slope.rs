@@ -1,9 +1,9 @@
 //! Slopes of the Beckmann normals that are visible from a direction, along its plane of incidence.
 //!
-//! At unit roughness and tangent tan θ of the direction, such a slope x ≤ cot θ has a density in proportion to
-//! (1 − x tan θ) e^(−x²) `[HeitzDEon14 §4.1]`. Its integral F(x) = (1 + erf x)/2 + tan θ e^(−x²)/(2√π) has no inverse in closed
-//! form. In s = tan θ/(1 + tan θ) and the quantile w of a Gaussian, erf w = 2u − 1, the solution of F(x) = u F(cot θ) is
-//! w plus a smooth function of both, 0 at normal incidence: a bicubic spline, which errs by less than 1e-6 in u.
+//! At unit roughness and tangent tan θ of the direction, such a slope x ≤ cot θ has a density proportional to
+//! (1 − x tan θ) e^(−x²) `[HeitzDEon14 §4.1]`. Its integral F(x) = (1 + erf x)/2 + tan θ e^(−x²)/(2√π) has no closed
+//! inverse. In s = tan θ/(1 + tan θ) and the quantile w of a Gaussian, erf w = 2u − 1, the solution of F(x) = u F(cot θ)
+//! is w plus a smooth function of both, 0 at normal incidence: a bicubic spline with an error below 1e-6 in u.
 
 use crate::math::Vec4;
 use crate::math::real::{SQRT_PI, erf_inverse};
@@ -19,7 +19,7 @@ const COLUMNS: usize = 48;
 /// Largest |w| of a uniform number in single precision.
 const WIDEST: f64 = 3.85;
 
-/// Nodes beyond each end while the spline is fitted: what happens at the far ones does not reach the ends.
+/// Extra nodes beyond each end while the spline is fitted, so that its fixed end values do not affect the nodes kept.
 const MARGIN: usize = 8;
 
 /// Coefficients of uniform cubic B-splines: of the nodes, and of one more at each end.
@@ -125,7 +125,7 @@ fn fitted() -> Box<Coefficients> {
     coefficients
 }
 
-/// Makes values at nodes the coefficients of a spline through them: (c₋ + 4 c + c₊)/6 is the value. Those at the ends stay.
+/// Replaces values at nodes by the coefficients of a spline: (c₋ + 4 c + c₊)/6 is the value. The end values stay.
 fn fit(values: &mut [f64]) {
     let wanted = values.to_vec();
     for _ in 0..40 {
@@ -135,9 +135,9 @@ fn fit(values: &mut [f64]) {
     }
 }
 
-/// Solves (1 − s) F(x) = u (1 − s) F(cot θ) for x, with erf w = 2u − 1. It holds for directions from below the horizon too,
-/// s > 1; where s < 0 there is no such direction, and F(cot θ) is 1, as it is to all digits where s is little above 0.
-/// Newton's method inside a bracket, from `below`, the solution for a smaller w.
+/// Solves (1 − s) F(x) = u (1 − s) F(cot θ) for x, with erf w = 2u − 1. It is valid below the horizon too, s > 1. For
+/// s < 0 there is no direction, and F(cot θ) is 1, as it is to all digits for s little above 0. Newton's method inside
+/// a bracket, from `below`, the solution for a smaller w.
 fn solution(s: f64, w: f64, below: f64) -> f64 {
     let scaled = |x: f64| 0.5 * ((1.0 - s) * erfc(-x) + s * exp(-x * x) / SQRT_PI);
     let horizon = (1.0 - s) / s;

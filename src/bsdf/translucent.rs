@@ -1,5 +1,5 @@
-//! Surface that scatters a part of the light on its other side `[KHR_materials_diffuse_transmission]`: a leaf, paper, the shade
-//! of a lamp.
+//! Surface that scatters a part of the light to its other side `[KHR_materials_diffuse_transmission]`: a leaf, paper, a
+//! lampshade.
 //!
 //! [`Glossy`] whose base is Lambertian on both sides. With a the reflectance of the base, t its transmittance and c the
 //! coupling of [`Glossy`] between base and coat:
@@ -9,7 +9,7 @@
 //! f(wo, wi) = t c(wo, wi) / π                     on the other side
 //! ```
 //!
-//! Both sides have the coat, as if it were on either face. A smooth coat and its base sum to F + (1 − F)(a + t).
+//! Both faces have the coat. A smooth coat and its base reflect and transmit F + (1 − F)(a + t) in total.
 
 use super::lobes::{NO_LOBE, above, finish};
 use super::{BsdfSample, DELTA_ALPHA, Glossy, Lobe, LobeNumbers, LobeQuery};
@@ -19,14 +19,14 @@ use std::f32::consts::FRAC_1_PI;
 /// Coat over a base that reflects and transmits by Lambert's law.
 #[derive(Clone, Copy, Debug)]
 pub struct Translucent {
-    /// Coat, and reflectance of the base; a coat whose `f90` is 0 is none.
+    /// Coat, and reflectance of the base; `f90` = 0 means no coat.
     gloss: Glossy,
-    /// Transmittance of the base in [0, 1], at most what its reflectance leaves.
+    /// Transmittance of the base in [0, 1], at most 1 minus its reflectance.
     transmitted: Rgb,
 }
 
 impl Translucent {
-    /// A surface like `gloss` whose base transmits besides; scaled down where the base would gain energy.
+    /// Adds a transmitting base to `gloss`; both albedos are scaled down where they sum to more than 1.
     pub(super) fn new(mut gloss: Glossy, transmitted: Rgb) -> Self {
         let most = (gloss.albedo + transmitted).max_element().max(1.0);
         gloss.albedo /= most;
@@ -36,7 +36,7 @@ impl Translucent {
         }
     }
 
-    /// The same surface with all that its base scatters on the side of `wo`.
+    /// The same surface with the transmittance of its base added to the reflectance.
     pub(super) fn folded(&self) -> Glossy {
         Glossy {
             albedo: self.gloss.albedo + self.transmitted,
