@@ -15,7 +15,7 @@ pub struct FileError {
     pub problem: Problem,
 }
 
-/// The operation on a file that failed, and its cause. No field is a `source()`: the text says it already.
+/// The operation on a file that failed, and its cause. No field is a `source()`, because the text contains the cause.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
     /// The file cannot be read, or is too long.
@@ -30,7 +30,7 @@ pub enum Problem {
     /// The content needs more memory than there is.
     #[error("{0}")]
     Memory(Shortage),
-    /// The content is damaged, not supported, or does not fit; the text names the place.
+    /// The content is damaged, not supported, or invalid; the text names the place.
     #[error("{0}")]
     Content(String),
 }
@@ -51,12 +51,12 @@ impl Problem {
 }
 
 impl FileError {
-    /// A file whose content is damaged, not supported, or does not fit.
+    /// A file whose content is damaged, not supported, or invalid.
     pub fn content(path: &Path, problem: impl Display) -> Self {
         Problem::content(problem).at(path)
     }
 
-    /// True if the place to write to is at fault, rather than the input.
+    /// True if the output failed rather than the input.
     pub fn is_write(&self) -> bool {
         matches!(self.problem, Problem::Write(_) | Problem::InUse)
     }

@@ -1,4 +1,4 @@
-//! Files that one process at a time works on.
+//! Files that only one process at a time may use.
 
 use super::{FileError, Problem, Target};
 use std::ffi::OsString;
@@ -6,8 +6,8 @@ use std::fs::{File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Exclusive use of a file or a folder: a lock on a file beside it that ends in `.lock`. The lock ends with the process, also with one
-/// that is killed. The file is removed when the claim is dropped; a file without a lock is no claim.
+/// Exclusive use of a file or a folder: a lock on a file beside it that ends in `.lock`. The system releases the lock
+/// when the process ends or is killed. Drop removes the file; a `.lock` file without a lock is no claim.
 #[derive(Debug)]
 pub struct Claim {
     /// The locked file; `None` for streams, and where the file system has no locks.
@@ -33,7 +33,7 @@ impl Claim {
                     let held = Some((file, beside));
                     return Ok(Self { held });
                 }
-                // Its claim ended in between, and it is removed.
+                // The owner dropped its claim and removed the file after this one opened it: try again.
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
                     return Err(Problem::InUse.at(path));
@@ -50,7 +50,7 @@ impl Claim {
 impl Drop for Claim {
     fn drop(&mut self) {
         if let Some((_, beside)) = &self.held {
-            // While it is locked: no other claim can be on it.
+            // Removed while it is locked, so that no other claim can be on it.
             let _ = std::fs::remove_file(beside);
         }
     }
@@ -84,7 +84,7 @@ mod tests {
         let other = Claim::on(&folder.path().join("day.ckpt")).unwrap();
         drop((first, other));
         assert_eq!(folder.path().read_dir().unwrap().count(), 0);
-        // What a killed process leaves is no claim.
+        // A file left by a killed process is no claim.
         std::fs::write(folder.path().join("night.ckpt.lock"), "").unwrap();
         Claim::on(&path).unwrap();
         assert_eq!(folder.path().read_dir().unwrap().count(), 0);

@@ -1,7 +1,7 @@
 //! Files: bounded reads, writes that are whole or not made, sealed files, locks, hashes in hex.
 //!
-//! Errors of this crate follow one convention: the text is complete, its cause included, and `source()` is `None`.
-//! Both `{error}` and anyhow's `{error:#}` say everything once.
+//! Errors of this crate follow one convention: the text is complete, its cause included, and `source()` is `None`. Both
+//! `{error}` and anyhow's `{error:#}` print everything once.
 
 mod error;
 mod lock;

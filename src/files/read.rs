@@ -1,12 +1,11 @@
-//! Reads of files that may turn out to be anything, and any number of bytes.
+//! Bounded reads of files of unknown kind and length.
 
 use super::{FileError, Problem};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-/// Bytes of a file of at most `most`. Bytes are counted rather than sizes asked for: a pipe is as good as a file, and a
-/// device without end is a file that is too long.
+/// Bytes of a file of at most `most` bytes. The bytes are counted, because pipes and endless devices report no length.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
     let mut bytes = Vec::new();
     let read = File::open(path).and_then(|f| f.take(most + 1).read_to_end(&mut bytes));
@@ -22,14 +21,14 @@ pub fn read_text(path: &Path, most: u64) -> Result<String, FileError> {
     String::from_utf8(read(path, most)?).map_err(|e| FileError::content(path, e))
 }
 
-/// Hands over the bytes of a file of at most `most`, piece by piece.
+/// Passes the bytes of a file of at most `most` bytes to `take`, piece by piece.
 pub fn stream(path: &Path, most: u64, take: impl FnMut(&[u8])) -> Result<(), FileError> {
     pieces(path, most, take).map_err(|problem| problem.at(path))
 }
 
 fn pieces(path: &Path, most: u64, mut take: impl FnMut(&[u8])) -> Result<(), Problem> {
     let file = File::open(path).map_err(Problem::Read)?;
-    // A length that is known need not be counted.
+    // A longer regular file is refused before it is read.
     if file.metadata().map_err(Problem::Read)?.len() > most {
         return Err(too_long(most));
     }

@@ -28,7 +28,7 @@ impl Sealed {
         format!("opsr {} {}\n", self.kind, self.version)
     }
 
-    /// Writes a file, whole or not at all; `payload` writes piece by piece.
+    /// Writes a file, whole or not at all; `payload` may write in pieces.
     pub fn save(
         &self,
         path: &Path,
@@ -58,7 +58,7 @@ impl Sealed {
         self.open(path).map_err(|problem| problem.at(path))
     }
 
-    /// The same of a file whose header says how long its payload is at most: a longer one is refused before it is read.
+    /// [`Self::load`], but refuses a payload of more than `most(header)` bytes before it is read.
     pub(crate) fn load_of<H: DeserializeOwned>(
         &self,
         path: &Path,
@@ -111,8 +111,8 @@ impl Sealed {
         Ok((header, bytes))
     }
 
-    /// Returns the header of a file, and its payload to read piece by piece. Both are unchecked until the payload is read
-    /// to its end.
+    /// The header of a file, and its payload to read piece by piece. Both are unchecked until the payload is read to
+    /// its end.
     pub fn stream<H: DeserializeOwned>(&self, path: &Path) -> Result<(H, Payload), Problem> {
         let file = File::open(path).map_err(Problem::Read)?;
         let length = file.metadata().map_err(Problem::Read)?.len();
@@ -152,7 +152,7 @@ impl Sealed {
         Ok((header, payload))
     }
 
-    /// The problem of a file that begins with these bytes.
+    /// Error for a file of another kind or version, which begins with these bytes.
     fn another(&self, bytes: &[u8]) -> Problem {
         let (kind, version) = (self.kind, self.version);
         let found = String::from_utf8_lossy(bytes);
@@ -192,7 +192,7 @@ impl Payload {
         Ok(())
     }
 
-    /// All bytes that have not been read, as many as the file has; an error unless the checksum is right.
+    /// All bytes that have not been read; an error unless the checksum is right.
     pub(crate) fn rest(mut self) -> Result<Vec<u8>, Problem> {
         let mut bytes = vec![0; self.left as usize];
         self.read(&mut bytes)?;
@@ -214,7 +214,7 @@ impl Payload {
     }
 }
 
-/// Hashes what passes.
+/// Hashes all bytes written through it.
 struct Hashed<W> {
     out: W,
     sha256: Sha256,

@@ -43,7 +43,7 @@ fn excerpt(text: &str, at: usize) -> (String, String) {
 
 #[cfg(test)]
 mod tests {
-    /// The mark stands below the place, the excerpt is short.
+    /// The mark is below the place, and the excerpt is short.
     #[test]
     fn toml_errors_quote_the_place() {
         let wrong = |text: &str| super::toml::<::toml::Table>(text).unwrap_err();

@@ -8,17 +8,17 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::{Duration, SystemTime};
 
-/// Destination of a write, links followed.
+/// Destination of a write after symbolic links are followed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// A regular file, or a name that is free: replaced as a whole.
+    /// A regular file, or a free name: replaced as a whole.
     Whole(PathBuf),
     /// A device, a pipe, or an open stream of a process such as `/dev/stdout`: written into, never replaced.
     Stream,
 }
 
 impl Target {
-    /// The destination that a path names; a link that leads nowhere names the file to be made there.
+    /// The destination that a path names; a dangling link names the file to be made.
     pub(crate) fn of(path: &Path) -> io::Result<Self> {
         /// Number of links that Linux follows.
         const LINKS: usize = 40;
@@ -30,7 +30,7 @@ impl Target {
                 Err(e) => return Err(e),
             };
             if !kind.is_symlink() {
-                // Writing to a folder fails later, with the system's words.
+                // Writing to a folder fails later, with the system's message.
                 let whole = kind.is_file() || kind.is_dir();
                 return Ok(if whole {
                     Self::Whole(path)
@@ -39,7 +39,7 @@ impl Target {
                 });
             }
             let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-            // Links to open streams have targets that are no paths.
+            // Links to open streams have targets that are not paths.
             if folder.canonicalize().is_ok_and(|f| f.starts_with("/proc")) {
                 return Ok(Self::Stream);
             }
@@ -49,10 +49,10 @@ impl Target {
     }
 }
 
-/// Writes a temporary file in the same folder, which takes its name only when all of it is on disk.
+/// Writes a temporary file in the same folder, and renames it to `path` once all of it is on disk.
 ///
-/// A run that is stopped, or a full disk, leaves the old file as it was. Links stay, what they name is replaced. Devices
-/// and pipes get the bytes when all of them are known.
+/// A stopped run or a full disk leaves the old file as it was. Symbolic links stay, and their targets are replaced.
+/// Devices and pipes receive the bytes once all of them are known.
 pub fn write(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
@@ -90,7 +90,7 @@ fn replace(
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut file = builder.tempfile_in(folder)?;
-    // The lock marks a file that is being written. Where there are no locks, none are removed either.
+    // The lock marks a file that is being written. Without support for locks, abandoned files are not removed.
     let _ = file.as_file().try_lock();
     filled(file.as_file_mut(), fill)?;
     file.as_file().sync_all()?;
@@ -104,10 +104,10 @@ const SUFFIX: &str = ".part";
 /// Number of random characters of a temporary file's name.
 const RANDOM: usize = 6;
 
-/// Age from which on a temporary file without a lock was left by a process that was killed.
+/// Age from which a temporary file without a lock is taken as left by a killed process.
 const ABANDONED: Duration = Duration::from_secs(60);
 
-/// Beginning of the names of a file's temporary files: hidden, and no longer than names can be.
+/// Beginning of the names of a file's temporary files: hidden, and cut to the length that names can have.
 fn prefix(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let short: String = name.chars().take(50).collect();
@@ -130,13 +130,13 @@ fn remove_abandoned(folder: &Path, prefix: &str) {
         let is_file = metadata.as_ref().is_ok_and(std::fs::Metadata::is_file);
         let is_old = metadata.ok().and_then(age).is_some_and(|a| a > ABANDONED);
         if is_file && is_old && File::open(&path).is_ok_and(|f| f.try_lock().is_ok()) {
-            // What cannot be removed stays.
+            // Best effort: a file that cannot be removed stays.
             let _ = std::fs::remove_file(&path);
         }
     }
 }
 
-/// Writes behind what a stream already got.
+/// Appends to a stream.
 fn append(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
@@ -149,10 +149,10 @@ fn append(
     stream.flush()
 }
 
-/// Time that somebody has to read from a pipe.
+/// Time limit for another process to open a pipe for reading.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Opens a stream. A pipe opens when somebody reads from it, which may be never.
+/// Opens a stream. Opening a pipe blocks until another process reads from it, which may be never.
 fn open_stream(path: &Path) -> io::Result<File> {
     let (tell, told) = mpsc::channel();
     let path = path.to_owned();
