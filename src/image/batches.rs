@@ -1,41 +1,41 @@
-//! The error of a picture's mean where its pixels share light paths.
+//! The error of a picture's mean where its pixels are correlated.
 //!
-//! Pixels of a bidirectional estimator are each as noisy as their variance says, but they rise and fall together: the
-//! variance of their sum is more than the sum of theirs. The samples of the whole picture are independent all the same. So their
-//! sums are kept in batches, by the number of the sample, and the spread of the batches is the error of the mean. Sums are exact:
-//! the same for a render in tiles, in parts, of crops that are put together, and for one that was stopped.
+//! The pixels of a bidirectional estimator share light paths, so their noise is correlated: the variance of their sum
+//! exceeds the sum of their variances. The samples of the whole picture are independent, however. Sums over all pixels
+//! are therefore kept in batches by sample number, and the spread of the batches gives the error of the mean. Sums are
+//! exact: they are the same for a render in tiles, parts or joined crops, and for one that was stopped and resumed.
 
 use crate::math::exact::ExactSum;
 use crate::math::{DVec3, Rgb};
 
-/// Batches of samples. The standard error that they state is itself known to 1 / √(2 (16 − 1)) = 18 %.
+/// Number of batches. The relative error of the standard error that they give is 1 / √(2 (16 − 1)) = 18 %.
 pub const BATCHES: usize = 16;
 
 /// Sums of all pixels of a picture, by batch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Batches {
-    /// Values of pixels that were added.
+    /// Number of pixel values added.
     counts: [u64; BATCHES],
     /// Their sums by channel.
     sums: [[ExactSum; 3]; BATCHES],
 }
 
-/// Noise that pixels of a film share.
+/// Noise that is correlated between the pixels of a film.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Sharing {
-    /// There is none: pixels are independent.
+    /// Pixels are independent.
     #[default]
     None,
     /// Sums of all pixels in batches.
     Batches(Box<Batches>),
     /// Standard error of the mean by channel, as a file states it.
     Stated(DVec3),
-    /// There is some, and nobody knows how much.
+    /// Pixels share noise of unknown size.
     Unknown,
 }
 
 impl Sharing {
-    /// Adds what is known of independent samples of the same pixels.
+    /// Combines this with the shared noise of independent samples of the same pixels.
     pub fn merge(&mut self, other: &Self) {
         match (&mut *self, other) {
             (Self::None, Self::None) => {}
@@ -46,10 +46,10 @@ impl Sharing {
 }
 
 impl Batches {
-    /// Numbers in [`Batches::numbers`].
+    /// Length of [`Batches::numbers`].
     const NUMBERS: usize = BATCHES * (1 + 3 * ExactSum::WORDS);
 
-    /// Adds the value of a pixel, which is finite.
+    /// Adds a finite value of a pixel.
     #[inline]
     pub(crate) fn add(&mut self, value: Rgb, sample: u32) {
         let batch = sample as usize % BATCHES;
@@ -58,7 +58,7 @@ impl Batches {
         channels.for_each(|(sum, x)| sum.add(x));
     }
 
-    /// Adds those of another film of the same samples, or of others.
+    /// Adds the sums of another film, of the same samples or of others.
     pub(crate) fn merge(&mut self, other: &Self) {
         for batch in 0..BATCHES {
             self.counts[batch] += other.counts[batch];
@@ -74,7 +74,7 @@ impl Batches {
 
     /// Standard error of the mean of all values by channel; `None` for fewer than two batches.
     ///
-    /// With nᵢ values of mean xᵢ in B batches its square is Σ nᵢ (xᵢ − x)² / ((B − 1) Σ nᵢ), unbiased for batches of any length.
+    /// With nᵢ values of mean xᵢ in B batches its square is Σ nᵢ (xᵢ − x)² / ((B − 1) Σ nᵢ), unbiased for any nᵢ.
     pub(crate) fn error(&self) -> Option<DVec3> {
         let filled = || (0..BATCHES).filter(|&i| self.counts[i] > 0);
         let count = self.count() as f64;
@@ -96,7 +96,7 @@ impl Batches {
         self.counts.iter().copied().chain(sums).collect()
     }
 
-    /// The sums that these [`Batches::numbers`] are of; `None` for another number of them.
+    /// The sums of these [`Batches::numbers`]; `None` if their count is wrong.
     pub(crate) fn from_numbers(numbers: &[u64]) -> Option<Self> {
         if numbers.len() != Self::NUMBERS {
             return None;

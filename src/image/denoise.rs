@@ -1,8 +1,8 @@
-//! Intel Open Image Denoise, found when the program runs: the one module that calls a library of another language.
+//! Intel Open Image Denoise, loaded at run time: the only module that calls a library of another language.
 //!
-//! Nothing is linked. [`Denoiser::open`] looks for the library (version 2) in the folder that the variable `OIDN_DIR`
-//! names, in its `lib` and `bin`, where the system's loader looks, and in the Python package `pyoidn` of the active
-//! environment, of the environment that the program lies in, and of the user.
+//! Nothing is linked. [`Denoiser::open`] searches for the library (version 2) in the folder of the variable `OIDN_DIR`,
+//! in its `lib` and `bin`, in the paths of the system's loader, and in the Python package `pyoidn` of the active
+//! environment, of the environment that contains the program, and of the user.
 //!
 //! # Safety
 //!
@@ -33,11 +33,11 @@ const NAMES: &[&str] = if cfg!(windows) {
     &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so"]
 };
 
-/// `OIDN_DEVICE_TYPE_CPU`: the same bytes on every machine of a kind.
+/// `OIDN_DEVICE_TYPE_CPU`: the result is the same on all machines of a kind.
 const CPU: c_int = 1;
 
-/// Megabytes that the library takes for its own work, about. It takes pictures that need more in tiles, which overlap by what the network
-/// sees, so that the picture has the same bytes.
+/// Approximate limit of the library's working memory in megabytes. It denoises larger pictures in tiles, which overlap
+/// by the network's receptive field, so that the result has the same bytes.
 const MOST_MEMORY: c_int = 1000;
 
 /// `OIDN_FORMAT_FLOAT3`.
@@ -46,14 +46,14 @@ const FLOAT3: c_int = 3;
 /// Failures of the denoiser.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DenoiseError {
-    /// No library, or one that cannot be used.
+    /// The library was not found or cannot be used.
     #[error(
         "Open Image Denoise 2 was not found: `pip install pyoidn` brings it, or set {VARIABLE} to the folder of a download. \
          Looked for: {}",
         .0.join("; ")
     )]
     Missing(Vec<String>),
-    /// The library refused.
+    /// The library reported an error.
     #[error("Open Image Denoise: {0}")]
     Failed(String),
 }
@@ -88,14 +88,14 @@ struct Functions {
 /// The library.
 pub struct Denoiser {
     functions: Functions,
-    /// Dropped last: the functions are in it.
+    /// Dropped last, because it contains the functions.
     _library: Library,
 }
 
 /// Folder of the library in the folder of Python packages.
 const PACKAGE: &str = "pyoidn/oidn";
 
-/// Environments of Python whose packages are looked at: the active ones, that of the program, and the user's.
+/// Python environments whose packages are searched: the active ones, that of the program, and the user's.
 fn environments() -> Vec<PathBuf> {
     let named = |name| std::env::var_os(name).map(PathBuf::from);
     let program = std::env::current_exe().ok();
@@ -138,14 +138,14 @@ fn candidates(folder: Option<&Path>, environments: &[PathBuf]) -> Vec<PathBuf> {
 }
 
 impl Denoiser {
-    /// Finds the library; the error says where it was looked for.
+    /// Finds the library; the error lists the places that were searched.
     pub fn open() -> Result<Self, DenoiseError> {
         let folder = std::env::var_os(VARIABLE).map(PathBuf::from);
         let mut looked = Vec::new();
         for file in candidates(folder.as_deref(), &environments()) {
             match Self::load(&file) {
                 Ok(denoiser) => return Ok(denoiser),
-                // A file that is there and cannot be used says why.
+                // An existing file that cannot be loaded is listed with the reason.
                 Err(why) if file.exists() => looked.push(format!("{} ({why})", file.display())),
                 Err(_) if file.components().count() == 1 => {
                     looked.push(format!("{} in the system's library path", file.display()));
@@ -157,7 +157,7 @@ impl Denoiser {
     }
 
     fn load(file: &Path) -> Result<Self, libloading::Error> {
-        // SAFETY: the user names the library or installed it; its initialisers are as trustworthy as the program itself.
+        // SAFETY: the user names the library or installed it; its initialisers are as trustworthy as the program.
         let library = unsafe { Library::new(file) }?;
         // SAFETY: the types are those of oidn.h.
         let functions = unsafe {
@@ -181,8 +181,8 @@ impl Denoiser {
         })
     }
 
-    /// The picture without its noise. Linear radiance; albedo in [0, 1] and world normal of the first surface, of the same
-    /// size.
+    /// The denoised picture. `colour` is linear radiance; `albedo` in [0, 1] and the world-space `normal` are those of
+    /// the first surface.
     ///
     /// Panics if the sizes differ.
     pub(crate) fn denoise(
@@ -287,7 +287,7 @@ mod tests {
         std::fs::create_dir_all(&library).expect("a folder");
         let files = candidates(None, &[environment.path().to_owned()]);
         assert_eq!(files[NAMES.len()], library.join(NAMES[0]));
-        // What the user names, and what the system has, come first.
+        // The folder that the user names and the system's library come first.
         let named = candidates(
             Some(Path::new("/opt/oidn")),
             &[environment.path().to_owned()],
@@ -295,7 +295,7 @@ mod tests {
         assert!(named.ends_with(&files) && named.len() > files.len());
     }
 
-    /// With the library at hand the noise of a constant goes and an edge in the albedo stays.
+    /// If the library is installed: noise of a constant is removed, and an edge in the albedo stays.
     #[test]
     fn denoiser_removes_noise_and_keeps_edges() {
         let Ok(denoiser) = Denoiser::open() else {

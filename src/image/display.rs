@@ -1,4 +1,4 @@
-//! Radiance on a display: exposure, view, and the exposure that suits a picture.
+//! Radiance on a display: exposure, view, and automatic exposure.
 
 use super::Buffer;
 use crate::math::{DVec3, Rgb, luminance};
@@ -18,7 +18,7 @@ pub enum ViewTransform {
     Agx,
 }
 
-/// Radiance to display values.
+/// Mapping of radiance to display values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Display {
     /// Factor on radiance, in stops.
@@ -28,7 +28,7 @@ pub struct Display {
 }
 
 impl From<f32> for Display {
-    /// This exposure, without a curve.
+    /// This exposure in stops, without a curve.
     fn from(exposure: f32) -> Self {
         Self {
             exposure,
@@ -62,13 +62,13 @@ const TILES: usize = 12;
 /// Groups of a tile's pixels, spread over it.
 const GROUPS: usize = 5;
 
-/// Edge in pixels of the blocks of a tile: what is black as a whole does not count.
+/// Edge in pixels of the blocks of a tile; blocks that are entirely black are left out.
 const BLOCK: usize = 4;
 
-/// Luminances of the tiles that are not black: of the means of a tile's groups of pixels the median, blocks that are black left out.
+/// Luminances of the tiles that are not black: the median of the means of a tile's groups, without black blocks.
 ///
-/// Means do not depend on noise, as a median of pixels does: rare light leaves most pixels dark. And a few pixels that are far too bright
-/// are in fewer than half of the groups.
+/// Means do not depend on noise, but a median of pixels does: rare light leaves most pixels dark. A few pixels that are
+/// far too bright are in fewer than half of the groups.
 fn tiles(picture: &Buffer) -> Vec<f32> {
     let edge = (picture.width.min(picture.height) / TILES).max(1);
     let part = |from: usize, edge: usize, end: usize| from..(from + edge).min(end);
@@ -105,10 +105,10 @@ fn tiles(picture: &Buffer) -> Vec<f32> {
         .collect()
 }
 
-/// Exposure in stops that puts the 90th percentile of luminance at 65 % of white: of the tiles that are not black, or where all are of
-/// such pixels. It is the same within about a tenth of a stop however noisy the picture is.
+/// Exposure in stops that puts the 90th percentile of luminance at 65 % of white. The percentile is over lit tiles, or
+/// over lit pixels if no tile is lit. Moderate noise changes it by about a tenth of a stop.
 ///
-/// In steps of a tenth, so that the number in a message makes the same picture again. Zero for a black picture.
+/// Rounded to a tenth, so that the number in a message reproduces the picture. Zero for a black picture.
 pub fn auto_exposure(picture: &Buffer) -> f32 {
     let is_lit = |l: &f32| *l > 0.0 && l.is_finite();
     let mut lit = tiles(picture);
@@ -121,9 +121,9 @@ pub fn auto_exposure(picture: &Buffer) -> f32 {
     }
     let at = (SHARE * (lit.len() - 1) as f64).round() as usize;
     let (_, &mut bright, _) = lit.select_nth_unstable_by(at, f32::total_cmp);
-    // Within what single precision can multiply by.
+    // Clamped to powers of two that single precision can represent.
     let stops = (BRIGHT / bright).log2().clamp(-126.0, 126.0);
-    // Not minus zero.
+    // Adding 0.0 turns −0 into 0.
     (10.0 * stops).round() / 10.0 + 0.0
 }
 

@@ -5,7 +5,7 @@
 //! any thread, and [`Film::paste`] the tiles back in order. So a render is bitwise the same at any number of
 //! threads, and several passes are bitwise one long pass.
 //!
-//! A sample that is not finite is never turned black: it is refused, counted by cause and remembered.
+//! A sample that is not finite is never turned black: it is refused, counted by cause and listed.
 
 use crate::image::Buffer;
 use crate::image::batches::Sharing;
@@ -138,19 +138,19 @@ pub struct RejectedSample {
     pub cause: Cause,
 }
 
-/// The samples a film refused: counts by cause, and the first few by name.
+/// Refused samples of a film: counts by cause, and the first few by pixel and number.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Rejected {
     /// Samples with a channel that is not a number.
     pub nan: u64,
     /// Samples with an infinite channel.
     pub infinite: u64,
-    /// The first `Rejected::REMEMBERED` of them.
+    /// The first `Rejected::REMEMBERED` refused samples.
     pub first: Vec<RejectedSample>,
 }
 
 impl Rejected {
-    /// Number of refused samples that are remembered by pixel and sample.
+    /// Number of refused samples that are listed.
     pub(crate) const REMEMBERED: usize = 8;
 
     /// All refused samples.
@@ -158,7 +158,7 @@ impl Rejected {
         self.nan + self.infinite
     }
 
-    /// Counts and, while there is room, remembers one.
+    /// Counts a refused sample, and lists it if it is among the first.
     pub(crate) fn add(&mut self, sample: RejectedSample) {
         match sample.cause {
             Cause::Nan => self.nan += 1,
@@ -177,24 +177,24 @@ impl Rejected {
     }
 }
 
-/// A film that cannot be, or two that do not belong together.
+/// An invalid film, or two films that do not match.
 #[derive(Debug, thiserror::Error)]
 pub enum FilmError {
     /// The window is empty or not inside the frame.
     #[error("the window of {window} is empty or not inside the picture of {outer}")]
     Window {
-        /// The window asked for.
+        /// The requested window.
         window: Window,
-        /// The window that it must lie in.
+        /// The window that must contain it.
         outer: Window,
     },
     /// A window of more than `MAX_PIXELS`.
     #[error("{}x{} pixels are more than {MAX_PIXELS}", window.w, window.h)]
     TooLarge {
-        /// The window asked for.
+        /// The requested window.
         window: Window,
     },
-    /// Two films that should show the same pixels do not.
+    /// Two films that should have the same frame and window do not.
     #[error("films differ in frame or window: {} of {}x{} and {} of {}x{}", a.1, a.0.x, a.0.y, b.1, b.0.x, b.0.y)]
     Differ {
         /// Frame and window of the first.
@@ -205,12 +205,12 @@ pub enum FilmError {
     /// Stored numbers that are not `Film::NUMBERS` for each pixel of the window.
     #[error("{numbers} numbers for the {}x{} pixels of a film", window.w, window.h)]
     Numbers {
-        /// Their number.
+        /// Count of stored numbers.
         numbers: usize,
         /// The window.
         window: Window,
     },
-    /// Stored numbers that no samples give.
+    /// Stored numbers that no samples give: negative, not finite, or a count that is not an integer.
     #[error("count, mean or variance of pixel {}, {} of the film are not numbers from 0 on", pixel.x, pixel.y)]
     Absurd {
         /// Column and row within the frame.
@@ -237,7 +237,7 @@ fn push(
     }
 }
 
-/// Rows of a film, to which a thread adds samples while others add to the rest.
+/// Rows of a film, so that several threads can add samples to different rows.
 pub(crate) struct FilmBand<'a> {
     /// The rows.
     pub(crate) window: Window,
@@ -247,7 +247,7 @@ pub(crate) struct FilmBand<'a> {
 }
 
 impl FilmBand<'_> {
-    /// The same as [`Film::push`], by the index in the band.
+    /// [`Film::push`] by the index in the band.
     #[inline]
     pub(crate) fn push(&mut self, index: usize, value: Rgb, sample: u32) {
         let pixel = || self.window.pixel(index);
@@ -261,7 +261,7 @@ impl FilmBand<'_> {
     }
 }
 
-/// Largest single-precision number: the bound of what a picture can hold.
+/// Largest single-precision number, the bound of pixels in a file.
 pub(crate) const LARGEST: DVec3 = DVec3::splat(f32::MAX as f64);
 
 /// Running moments of every pixel in a window of the frame.
@@ -275,7 +275,7 @@ pub struct Film {
     pub pixels: Vec<Moments>,
     /// Samples that were refused.
     pub rejected: Rejected,
-    /// Noise that pixels share.
+    /// Noise that is correlated between pixels.
     pub sharing: Sharing,
 }
 
@@ -300,7 +300,7 @@ impl Film {
         Ok(Self::empty(size, window))
     }
 
-    /// The error of [`Film::cropped`], without the film.
+    /// The checks of [`Film::cropped`].
     pub(crate) fn check(size: UVec2, window: Window) -> Result<(), FilmError> {
         let outer = Window::full(size);
         if !window.inside(&outer) {
@@ -340,7 +340,7 @@ impl Film {
         );
     }
 
-    /// The same for an estimator whose pixels share light paths: the whole is known by its samples, too.
+    /// [`Film::push`] for an estimator whose pixels share light paths: also adds the value to the batch of its sample.
     #[inline]
     pub(crate) fn push_shared(&mut self, index: usize, value: Rgb, sample: u32) {
         if let Sharing::None = self.sharing {
@@ -354,8 +354,8 @@ impl Film {
         self.push(index, value, sample);
     }
 
-    /// Standard error of the mean of all pixels by channel: from the variances of independent pixels, and from the sums of whole
-    /// samples where pixels share light paths. `None` where there are too few samples to tell, or none is known of what is shared.
+    /// Standard error of the mean of all pixels by channel: from the variances of independent pixels, or from sums over
+    /// whole samples where pixels share light paths. `None` with too few samples, or if shared noise is unknown.
     pub fn mean_error(&self) -> Option<DVec3> {
         match &self.sharing {
             Sharing::None if self.pixels.iter().all(|m| m.n > 1) => {
@@ -371,7 +371,7 @@ impl Film {
         }
     }
 
-    /// [`Film::mean_error`] over the mean, the channels added up: 0.01 for a picture whose light is known to 1 %.
+    /// Norm of [`Film::mean_error`] over the norm of the mean, across channels: 0.01 for a mean known to 1 %.
     pub(crate) fn relative_mean_error(&self) -> Option<f64> {
         let sum: DVec3 = self.pixels.iter().map(|m| m.mean).sum();
         let mean = sum.length() / self.pixels.len() as f64;
@@ -380,7 +380,7 @@ impl Film {
             .map(|error| error.length() / mean)
     }
 
-    /// Adds all samples of `other`, which must show the same window.
+    /// Adds all samples of `other`, which must have the same window.
     pub fn merge(&mut self, other: &Self) -> Result<(), FilmError> {
         self.same_place(other)?;
         for (a, b) in self.pixels.iter_mut().zip(&other.pixels) {
@@ -391,7 +391,7 @@ impl Film {
         Ok(())
     }
 
-    /// An error unless both films show the same window of the same frame.
+    /// An error unless both films have the same window of the same frame.
     pub fn same_place(&self, other: &Self) -> Result<(), FilmError> {
         if self.size != other.size || self.window != other.window {
             return Err(FilmError::Differ {
@@ -409,8 +409,8 @@ impl Film {
         self.window.tiles(edge)
     }
 
-    /// A film of `tile` with this film's moments so far and no refusals; of what its pixels share nothing is known. Panics if
-    /// the tile leaves the window.
+    /// A film of `tile` with this film's moments so far and no refusals. Shared noise becomes [`Sharing::Unknown`].
+    /// Panics if the tile leaves the window.
     pub fn cut(&self, tile: Window) -> Self {
         let mut cut = Self::empty(self.size, tile);
         if self.sharing != Sharing::None {
@@ -423,7 +423,7 @@ impl Film {
         cut
     }
 
-    /// Puts a tile made by [`Film::cut`] back: replaces its pixels, adds its refusals. Pixels of tiles share nothing.
+    /// Puts a tile made by [`Film::cut`] back: replaces its pixels and adds its refusals. Ignores its shared noise.
     pub fn paste(&mut self, tile: &Self) {
         for row in 0..tile.window.h {
             let (mine, theirs) = self.row_ranges(&tile.window, row);
@@ -449,7 +449,7 @@ impl Film {
         (start..start + w, row as usize * w..(row as usize + 1) * w)
     }
 
-    /// The film in bands of `rows` rows; the last may have fewer. [`Film::refuse`] adds the samples that they refuse.
+    /// The film in bands of `rows` rows; the last may have fewer. Pass the refusals of each to [`Film::refuse`].
     pub(crate) fn bands(&mut self, rows: u32) -> impl Iterator<Item = FilmBand<'_>> {
         let all = self.window;
         let pixels = self.pixels.chunks_mut(all.w as usize * rows as usize);
@@ -472,7 +472,7 @@ impl Film {
 
     // ── checkpoints ──
 
-    /// Numbers of a pixel in [`Film::numbers`].
+    /// Count of numbers per pixel in [`Film::numbers`].
     pub(crate) const NUMBERS: usize = 7;
 
     /// The pixels as numbers, for a checkpoint: count, mean, sum of squared deviations. Refusals are not part of them.
@@ -483,10 +483,10 @@ impl Film {
         })
     }
 
-    /// The film without refusals that these [`Film::numbers`] are of.
+    /// The film of these [`Film::numbers`], without refusals.
     pub fn from_numbers(size: UVec2, window: Window, numbers: &[f64]) -> Result<Self, FilmError> {
         let (pixels, rest) = numbers.as_chunks::<{ Self::NUMBERS }>();
-        // Compared before memory is taken: a damaged window cannot ask for more than there is.
+        // Compared before memory is allocated: a damaged window could declare any size.
         if pixels.len() != window.len() || !rest.is_empty() {
             let numbers = numbers.len();
             return Err(FilmError::Numbers { numbers, window });

@@ -1,14 +1,14 @@
-//! Sums of several levels of roughening of the same paths, in batches, of the light that they share, and of features for
-//! their blur.
+//! Sums of several roughening levels over the same paths, in batches; of the light that no level changes; and of
+//! features for blurs.
 //!
-//! Sample number n belongs to batch n mod [`BATCHES`]: so batches are equally long, up to one sample, wherever a render
-//! stops, and a render that is resumed goes on with the same batches. A sample with a level that is not finite is left out
+//! Sample number n belongs to batch n mod [`BATCHES`]. So batches have equal lengths, up to one sample, wherever a
+//! render stops, and a resumed render continues the same batches. A sample with a level that is not finite is left out
 //! at all levels, so that they stay averages over the same paths; the film of level 0 reports it.
 //!
-//! Sums are single precision: 12 bytes a level and batch, and as much for the shared light, 300 bytes a pixel for four
-//! levels with counts and features. A sum of more than `CARRY` samples is a pair of numbers, the second of which is what
-//! rounding took from the first: 0.7 added a million times to one number is off by 1 %. So a film takes nearly twice the
-//! memory from sample [`BATCHES`] · `CARRY` on. The film of level 0 beside it has double precision.
+//! Sums are in single precision: 12 bytes per level and batch, as much for the shared light, and 300 bytes per pixel
+//! for four levels with counts and features. A sum of `CARRY` samples or more is a pair of numbers whose second is the
+//! rounding error of the first: 0.7 added a million times to one number is off by 1 %. So a film takes nearly twice the
+//! memory from sample [`BATCHES`] · (`CARRY` − 1) on. The film of level 0 beside it has double precision.
 
 use super::Buffer;
 use super::film::Window;
@@ -18,29 +18,29 @@ use std::borrow::Cow;
 use std::io::{self, Write};
 use std::ops::Range;
 
-/// Independent batches.
+/// Number of independent batches.
 pub const BATCHES: usize = 4;
 
-/// Numbers that a path tells about what it has met: normal of the first rough vertex and the path's length to it; normal of
-/// the first vertex, its distance, and its reflectance. Zero where there is none.
+/// Features of a path: normal of the first rough vertex and path length to it; normal, distance and reflectance of the
+/// first vertex. Zero where there is none.
 pub(crate) type Features = [f32; FEATURES];
 
-/// Their number.
+/// Number of features per path or pixel.
 pub const FEATURES: usize = 11;
 
 /// Most levels of a film.
 pub const MAX_LEVELS: usize = 8;
 
-/// Samples of a batch after which its sums are carried over, so that a sum of single numbers is off by 0.05 % at most, and
-/// a sum of features over all batches by 0.2 %.
+/// Samples of a batch after which its sums are carried over. It limits the error of a single-precision sum to 0.05 %,
+/// and that of a sum of features over all batches to 0.2 %.
 const CARRY: u32 = 1 << 14;
 
-/// Weight of the pixels beside one below which none is like it.
+/// Sum of the weights of a pixel's neighbours up to which none counts as similar.
 const LEAST_WEIGHT: f32 = 0.01;
 
 const MAGIC: &[u8; 8] = b"opsrlvl4";
 
-/// Magic word of a film with sums that are carried over.
+/// Magic word of a film with carried sums.
 const MAGIC_CARRIED: &[u8; 8] = b"opsrlvl5";
 
 /// Values of one path.
@@ -48,9 +48,9 @@ const MAGIC_CARRIED: &[u8; 8] = b"opsrlvl5";
 pub struct PathLevels<'a> {
     /// Radiance at every level.
     pub levels: &'a [Rgb],
-    /// Radiance that no level roughens.
+    /// Radiance that no level changes.
     pub shared: Rgb,
-    /// Guides that the path has met.
+    /// Features of the path.
     pub features: Features,
 }
 
@@ -66,18 +66,18 @@ pub struct LevelFilm {
     features: Vec<Features>,
     /// Sums by pixel, batch and level, levels fastest, the shared light after the last.
     sums: Vec<Rgb>,
-    /// Light carried over from both, once there is any.
+    /// High parts of the features and sums, once any are carried over.
     carried: Option<Carried>,
 }
 
-/// Sums over the samples up to the last that was carried over: those of the film are added to them.
+/// High parts of a film's sums. The film's own sums are then the low parts, and each sum is high plus low.
 #[derive(Clone, Debug, PartialEq)]
 struct Carried {
     features: Vec<Features>,
     sums: Vec<Rgb>,
 }
 
-/// True if all numbers are finite. By their exponents, so that it takes several at once.
+/// True if all numbers are finite. Tests exponents without branches, so that it vectorises.
 #[inline]
 fn are_finite(values: &[f32]) -> bool {
     const EXPONENT: u32 = 0x7f80_0000;
@@ -93,7 +93,7 @@ fn add(sums: &mut [f32], values: &[f32]) {
     }
 }
 
-/// Adds `low` to `high`; `low` keeps what rounding takes, so that the pair has the same sum as before (Knuth's two-sum).
+/// Adds `low` to `high`; `low` keeps the rounding error, so that the pair has the same sum as before (Knuth's two-sum).
 fn carry(high: &mut f32, low: &mut f32) {
     let sum = *high + *low;
     let added = sum - *high;
@@ -101,13 +101,13 @@ fn carry(high: &mut f32, low: &mut f32) {
     *high = sum;
 }
 
-/// True if the sums of a batch are carried over before this sample is added. By the number of the sample, not by the count: so
-/// it depends on the samples alone whether a film carries.
+/// True if the sums of a batch are carried over before this sample is added. This depends on the sample's number, not
+/// on the count, so that refused samples do not change whether a film carries.
 fn carries(sample: u32) -> bool {
     (sample / BATCHES as u32 + 1).is_multiple_of(CARRY)
 }
 
-/// Rows of a film, to which a thread adds samples while others add to the rest.
+/// Rows of a film, so that several threads can add samples to different rows.
 pub(crate) struct LevelBand<'a> {
     levels: usize,
     counts: &'a mut [[u32; BATCHES]],
@@ -122,7 +122,7 @@ impl LevelBand<'_> {
         self.levels
     }
 
-    /// The same as [`LevelFilm::push`], by the index in the band.
+    /// [`LevelFilm::push`] by the index in the band.
     #[inline]
     pub(crate) fn push(&mut self, index: usize, sample: u32, path: &PathLevels<'_>) {
         let batch = sample as usize % BATCHES;
@@ -143,7 +143,7 @@ impl LevelBand<'_> {
         add(&mut self.features[index], &path.features);
     }
 
-    /// Carries the sums of a pixel's batch over, and with the first batch those of the features.
+    /// Carries the sums of a pixel's batch over; for the first batch those of the features, too.
     #[cold]
     fn carry(&mut self, index: usize, batch: usize) {
         let Some((features, sums)) = &mut self.carried else {
@@ -195,7 +195,7 @@ impl LevelFilm {
         }
     }
 
-    /// Bytes that a film with these samples of each pixel, from 0 on, takes, beside the film of level 0.
+    /// Bytes of a film whose pixels have `samples` samples each, without the film of level 0.
     pub(crate) fn bytes_with(pixels: usize, levels: usize, samples: u32) -> u64 {
         let carried = samples > BATCHES as u32 * (CARRY - 1);
         let counts = (pixels * size_of::<[u32; BATCHES]>()) as u64;
@@ -203,7 +203,7 @@ impl LevelFilm {
         plain + if carried { plain - counts } else { 0 }
     }
 
-    /// Bytes that a film of `pixels` pixels takes, beside the film of level 0, before sums are carried over.
+    /// Bytes of a film of `pixels` pixels before sums are carried over, without the film of level 0.
     pub fn bytes(pixels: usize, levels: usize) -> u64 {
         let each = size_of::<[u32; BATCHES]>()
             + size_of::<Features>()
@@ -214,13 +214,13 @@ impl LevelFilm {
     /// Bytes before the pixels in [`LevelFilm::write`].
     pub(crate) const HEAD: u64 = 12;
 
-    /// Numbers of a pixel in [`LevelFilm::sample`].
+    /// Count of numbers per pixel in [`LevelFilm::sample`].
     pub(crate) fn sample_numbers(levels: usize) -> usize {
         3 * (levels + 1) + FEATURES
     }
 
-    /// Numbers of a sample in a film that has no other, by pixel: levels, shared light and features. Not numbers where it was
-    /// left out.
+    /// Numbers of a film's only sample, by pixel: levels, shared light and features. Levels and shared light are NaN
+    /// where the sample was left out.
     pub(crate) fn sample(&self, sample: u32) -> impl Iterator<Item = f32> + '_ {
         let batch = sample as usize % BATCHES;
         let each = self.levels + 1;
@@ -260,7 +260,7 @@ impl LevelFilm {
         .push(index, sample, path);
     }
 
-    /// Makes room for sums that are carried over.
+    /// Allocates sums that are carried over.
     #[cold]
     fn begin_to_carry(&mut self) {
         let (pixels, levels) = (self.window.len(), self.levels);
@@ -292,14 +292,14 @@ impl LevelFilm {
         counts.zip(features).zip(sums).map(band).collect()
     }
 
-    /// Sum of a level, or of the shared light by the number of levels, in a batch of a pixel.
+    /// Sum of a level in a batch of a pixel; `level` = number of levels gives the shared light.
     fn sum(&self, index: usize, batch: usize, level: usize) -> Rgb {
         let at = (index * BATCHES + batch) * (self.levels + 1) + level;
         let carried = self.carried.as_ref().map_or(Rgb::ZERO, |c| c.sums[at]);
         carried + self.sums[at]
     }
 
-    /// Means by batch of a level, or of the shared light by the number of levels; black where a batch has no sample.
+    /// Means of a level by batch; `level` = number of levels gives the shared light. Black where a batch has no sample.
     pub fn batch_means(&self, level: usize) -> [Buffer; BATCHES] {
         std::array::from_fn(|batch| {
             let pixel = |index: usize| self.batch_mean(index, batch, level);
@@ -311,15 +311,15 @@ impl LevelFilm {
         })
     }
 
-    /// Mean of a batch at the pixel with this index of a level, or of the shared light by the number of levels; black where the
-    /// batch has no sample.
+    /// Mean of a level in a batch of the pixel `index`; `level` = number of levels gives the shared light. Black where
+    /// the batch has no sample.
     #[inline]
     pub(crate) fn batch_mean(&self, index: usize, batch: usize, level: usize) -> Rgb {
         let n = self.counts[index][batch].max(1) as f32;
         self.sum(index, batch, level) / n
     }
 
-    /// Mean over all samples of a level, or of the shared light by the number of levels; black where there is none.
+    /// Mean of a level over all samples; `level` = number of levels gives the shared light. Black where there is none.
     pub fn mean(&self, level: usize) -> Buffer {
         Buffer {
             width: self.window.w as usize,
@@ -333,7 +333,7 @@ impl LevelFilm {
         (0..self.window.len()).map(move |index| self.mean_of(index, level))
     }
 
-    /// One of them.
+    /// The pixel `index` of [`LevelFilm::mean`].
     pub(crate) fn mean_of(&self, index: usize, level: usize) -> Rgb {
         let n: u32 = self.counts[index].iter().sum();
         let sums = (0..BATCHES).map(|batch| self.sum(index, batch, level));
@@ -357,7 +357,7 @@ impl LevelFilm {
         pixels.map(mean).collect()
     }
 
-    /// Share of each batch in the samples of all pixels.
+    /// Each batch's share of the samples of all pixels.
     pub(crate) fn shares(&self) -> [f32; BATCHES] {
         let mut sums = [0u64; BATCHES];
         for counts in &self.counts {
@@ -368,8 +368,8 @@ impl LevelFilm {
         sums.map(|sum| (sum as f64 / all as f64) as f32)
     }
 
-    /// Batches that have samples, the first of all: as many as there are samples, and no more than [`BATCHES`]. A batch counts where no
-    /// more than a hundredth of the pixels lack it or one before it.
+    /// Number of leading batches that have samples: the number of samples, at most [`BATCHES`]. A batch counts if at
+    /// most a hundredth of the pixels have no sample in it or in one before it.
     pub(crate) fn batches(&self) -> usize {
         let mut lacking = [0; BATCHES];
         for counts in &self.counts {
@@ -382,7 +382,7 @@ impl LevelFilm {
         lacking.iter().take_while(enough).count()
     }
 
-    /// The film; what stays has its levels and no pixel.
+    /// Moves the film out, and leaves one with the same levels and no pixels.
     pub(crate) fn take(&mut self) -> Self {
         let none = Window {
             h: 0,
@@ -392,7 +392,7 @@ impl LevelFilm {
         std::mem::replace(self, blank)
     }
 
-    /// Half of the batches, the first two or the others, as a film of two. Its guides are those of all.
+    /// The first or second half of the batches, as a film of two. Its features are the means over all batches.
     pub(crate) fn half(&self, second: bool) -> Self {
         let first = if second { BATCHES / 2 } else { 0 };
         let each = self.levels + 1;
@@ -407,15 +407,15 @@ impl LevelFilm {
                     sums[batch * each + level] = self.sum(index, first + batch, level);
                 }
             }
-            // Sums, as of samples.
+            // Means become sums over the half's samples.
             let count = counts.iter().sum::<u32>() as f32;
             features.iter_mut().for_each(|feature| *feature *= count);
         }
         half
     }
 
-    /// The film with a sample in every batch that has samples, and none beyond: where one has none, since all were
-    /// refused, it has the mean of the pixel's others. `None` of fewer than two batches, as films of one sample are.
+    /// The film with samples in the first `self.batches()` batches of every pixel and in no others. A batch of which
+    /// all samples were refused gets the pixel's mean. `None` for fewer than two batches, as in films of one sample.
     pub fn complete(&self) -> Option<Cow<'_, Self>> {
         let batches = self.batches();
         if batches < 2 {
@@ -452,9 +452,9 @@ impl LevelFilm {
         Some(Cow::Owned(film))
     }
 
-    /// Two halves of a film of one sample, as batches: each is the picture of every other pixel, like the fields of one colour of a
-    /// chessboard, and between them a mean of the four around. `weights` are those of the pixels to the left, to the right, above and
-    /// below one. A pixel that none of them is like has its own light in both halves.
+    /// Splits a film of one sample into two halves, as batches. Each has the light of every other pixel, as on one
+    /// colour of a chessboard, and between them weighted means of the four neighbours. `weights` are for the pixels to
+    /// the left, to the right, above and below. A pixel without similar neighbours has its own light in both halves.
     pub(crate) fn halves(&self, weights: &[[f32; 4]]) -> Self {
         let (stride, width) = (self.levels + 1, self.window.w as usize);
         let mut film = Self::new(self.size, self.window, self.levels);
@@ -503,7 +503,7 @@ impl LevelFilm {
 
     // ── tiles ──
 
-    /// Takes over the sums of a tile. Panics if it leaves the window.
+    /// Copies the sums of a tile. Panics if it leaves the window.
     pub(crate) fn paste(&mut self, tile: &Self) {
         let stride = BATCHES * (self.levels + 1);
         for row in 0..tile.window.h {
@@ -535,11 +535,11 @@ impl LevelFilm {
 
     // ── bytes ──
 
-    /// Writes the sums; frame and window are those of the film of level 0.
+    /// Writes the sums, without frame and window, which the film of level 0 stores.
     ///
-    /// Little endian: the magic word, the number of levels, then by pixel four counts, eleven features and the sums, batch
-    /// by batch. Where sums were carried over, another magic word, and then by pixel eleven features and the sums that they
-    /// were carried to.
+    /// Little endian: the magic word, the number of levels, then by pixel four counts, eleven features and the sums,
+    /// batch by batch. If sums were carried over, the magic word differs, and by pixel eleven features and the high
+    /// parts follow.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         let carried = self.carried.as_ref();
         out.write_all(carried.map_or(MAGIC, |_| MAGIC_CARRIED))?;
@@ -560,7 +560,7 @@ impl LevelFilm {
         Ok(())
     }
 
-    /// Takes a film of this frame and window from the front of `bytes`.
+    /// Reads a film of this frame and window from the front of `bytes`, and advances `bytes` past it.
     pub fn read(size: UVec2, window: Window, bytes: &mut &[u8]) -> Result<Self, &'static str> {
         let cut = || "the levels are cut short";
         let (magic, rest) = bytes.split_first_chunk::<8>().ok_or_else(cut)?;
@@ -573,7 +573,7 @@ impl LevelFilm {
         if !(1..=MAX_LEVELS).contains(&levels) {
             return Err("a level is missing, or there are too many");
         }
-        // Compared before memory is taken.
+        // Checked before memory is allocated.
         let length = usize::try_from(Self::bytes(window.len(), levels)).map_err(|_| cut())?;
         let (pixels, mut rest) = rest.split_at_checked(length).ok_or_else(cut)?;
         let stride = BATCHES * (levels + 1);
@@ -598,7 +598,7 @@ impl LevelFilm {
             let (counts, rest) = words.split_at(BATCHES);
             let sums = &mut film.sums[index * stride..(index + 1) * stride];
             read_sums(rest, &mut film.features[index], sums)?;
-            // Beside what is carried they are what rounding has taken, of either sign.
+            // Low parts of carried sums are rounding errors of either sign.
             if !is_carried {
                 check_light(sums)?;
             }
@@ -620,7 +620,7 @@ fn write_sums(features: &Features, sums: &[Rgb], out: &mut impl Write) -> io::Re
     Ok(())
 }
 
-/// Reads what [`write_sums`] wrote.
+/// Reads features and sums as [`write_sums`] writes them.
 fn read_sums(
     words: &[[u8; 4]],
     features: &mut Features,

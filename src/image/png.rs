@@ -1,7 +1,7 @@
 //! PNG files: display pictures out, 8- and 16-bit pictures in.
 //!
-//! Only the encoding for a display happens here: exposure and view ([`Display`]), sRGB curve, 8 bit. A pixel that
-//! is not finite is drawn magenta, so that it is seen rather than taken for black.
+//! Writing only encodes for a display: exposure and view ([`Display`]), sRGB curve, 8 bit. A pixel that is not
+//! finite is drawn magenta, so that it is not mistaken for black.
 
 use std::io::{self, Cursor};
 use std::path::Path;
@@ -75,7 +75,7 @@ pub fn read(path: &Path) -> Result<Buffer, FileError> {
         .and_then(ImageReader::with_guessed_format)
         .map_err(io)?;
     let mut limits = Limits::default();
-    // Far above any render, far below what a header of a few bytes could ask for.
+    // Far above any render, and far below the sizes that a header of a few bytes can declare.
     limits.max_alloc = Some(1 << 31);
     reader.limits(limits);
     let content = |e| FileError::content(path, e);

@@ -1,8 +1,8 @@
-//! Splats: values that paths from the lights add to pixels that nobody chose.
+//! Splats: contributions of light paths to pixels that the path determines.
 //!
-//! Floating-point addition does not commute with itself in other orders, so splats are kept as a list and added in the
-//! order of their light paths: a picture is bit-identical at any number of threads. Values span the whole range of
-//! radiance, which no fixed-point sum would hold.
+//! Floating-point addition is not associative, so splats are kept as a list and added in the order of their light
+//! paths: a picture is bit-identical at any number of threads. Values span the whole range of radiance, which no
+//! fixed-point sum can represent.
 
 use super::film::Window;
 use crate::math::{DVec3, Rgb, UVec2};
@@ -34,7 +34,7 @@ pub(crate) struct SplatLayer {
 }
 
 impl SplatLayer {
-    /// Bytes of a pixel.
+    /// Bytes per pixel.
     pub(crate) const PIXEL_BYTES: u64 = size_of::<DVec3>() as u64;
 
     /// An empty layer of a window.

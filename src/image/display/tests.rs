@@ -1,6 +1,6 @@
 use super::*;
 
-/// Ten fireflies in a picture most of which is black: they were 95 % of the light, and everything else black.
+/// Fireflies with nearly all light of a mostly black picture do not change its exposure.
 #[test]
 fn auto_exposure_is_not_blinded_by_fireflies() {
     let face = |x: usize, y: usize| (40..60).contains(&x) && (40..60).contains(&y);
@@ -18,13 +18,13 @@ fn auto_exposure_is_not_blinded_by_fireflies() {
         specks.pixels[(37 + 397 * k) % 40_000] = Rgb::splat(1e5);
     }
     assert_eq!(auto_exposure(&specks), expected);
-    // With nothing else they are the picture.
+    // Without other light the fireflies set the exposure.
     let mut alone = Buffer::filled(200, 200, Rgb::ZERO);
     alone.pixels[77] = Rgb::splat(4.0);
     assert!((auto_exposure(&alone) - (BRIGHT / 4.0).log2()).abs() < 0.06);
 }
 
-/// All light comes by rare paths, to one pixel of several: the exposure is that of the picture without noise.
+/// Rare paths bring all light, to one of several pixels: the exposure is that of the picture without noise.
 #[test]
 fn auto_exposure_does_not_depend_on_noise() {
     let room = |x: usize| 0.1 + 0.4 * x as f32 / 299.0;
@@ -106,6 +106,6 @@ fn filmic_view_is_monotone_and_keeps_highlights_apart() {
         .collect();
     assert!(steps.is_sorted());
     assert_eq!((show(0.0), show(-1.0), show(f32::MAX)), (0.0, 0.0, 1.0));
-    // Where plain sRGB is white: two stops that differ.
+    // Plain sRGB shows both of these values as white.
     assert!(show(1.0) < 0.7 && show(4.0) > show(1.0) + 0.1 && show(4.0) < 1.0);
 }

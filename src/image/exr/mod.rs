@@ -1,10 +1,10 @@
 //! EXR files: a film with its statistics and further layers, and pictures read back.
 //!
-//! A file has one part, so every viewer finds the picture as plain `R`, `G`, `B`; layers are channels with a
-//! prefix (`albedo.R`). Lossless ZIP over 16 lines unless [`Storage`] says otherwise. The crop of a film is the data window, its frame the display
-//! window. Metadata is one text attribute, a JSON object with sorted keys: separate attributes would be written in
-//! the order of a randomly seeded hash map, and the same render must give the same bytes. Standard attributes are the
-//! chromaticities of Rec. 709 and, where the camera is known, `worldToCamera`.
+//! A file has one part, so every viewer finds the picture as plain `R`, `G`, `B`; layers are channels with a prefix
+//! (`albedo.R`). Compression is lossless ZIP over 16 lines unless [`Storage`] says otherwise. The crop of a film is the
+//! data window, its frame the display window. Metadata is one text attribute, a JSON object with sorted keys: the crate
+//! `exr` would write separate attributes in random order, and the same render must give the same bytes. Standard
+//! attributes are the chromaticities of Rec. 709 and, where the camera is known, `worldToCamera`.
 
 mod read;
 mod write;
@@ -23,7 +23,7 @@ pub use write::{write_film, write_layers, write_rgb};
 /// Name of the attribute that holds the metadata.
 const METADATA: &str = "opsr";
 
-/// Key of the standard error of the mean by channel, where pixels share light paths.
+/// Metadata key of the standard error of the mean by channel, for films whose pixels share light paths.
 const MEAN_ERROR: &str = "mean_error";
 
 /// Channels of a colour.
@@ -55,7 +55,7 @@ pub enum Compression {
 /// Storage of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Storage {
-    /// Colours, normals and coverage as half floats, cut to ±65504; statistics, places and numbers stay single precision.
+    /// Colours, normals and coverage as half floats, clamped to ±65504; statistics, places and numbers as singles.
     pub half: bool,
     /// Coding.
     pub compression: Compression,
@@ -82,7 +82,7 @@ impl<'a> From<&'a Metadata> for Header<'a> {
     }
 }
 
-/// A problem that the crate `exr` found while it read.
+/// Converts a read error of the crate `exr`.
 fn problem(error: ::exr::error::Error) -> Problem {
     use ::exr::error::Error;
     match error {
@@ -106,7 +106,7 @@ fn unsupported(what: impl std::fmt::Display) -> Problem {
 pub struct Layer {
     /// Name of the layer, such as `albedo`.
     pub name: String,
-    /// Channels; an empty name stands for the layer itself.
+    /// Channels by name; the channel with an empty name is called like the layer.
     pub channels: Vec<(&'static str, Vec<f32>)>,
 }
 
@@ -129,7 +129,7 @@ impl Layer {
         }
     }
 
-    /// Its channels, as they are written.
+    /// Channels to write.
     pub(crate) fn channels(&self) -> impl Iterator<Item = Plane<'_>> {
         let channels = self.channels.iter();
         channels.map(|(name, values)| Plane::new(&*self.name, name, values.len(), |i| values[i]))
@@ -151,10 +151,10 @@ impl Layer {
 /// Value of a channel, by the number of the pixel.
 type Value<'a> = Box<dyn Fn(usize) -> f32 + Sync + 'a>;
 
-/// A channel to write, whose values are made when they are asked for.
+/// A channel to write, whose values are computed while they are written.
 pub(crate) struct Plane<'a> {
     pub(crate) layer: Cow<'a, str>,
-    /// Name without the layer's; empty for the layer itself.
+    /// Name without the layer's prefix; empty for the channel that is called like the layer.
     name: &'static str,
     count: usize,
     value: Value<'a>,
@@ -193,7 +193,7 @@ impl<'a> Plane<'a> {
 pub struct Layers {
     /// Full frame: the display window.
     pub size: UVec2,
-    /// Position of the pixels in the frame; in files of other programs they may reach beyond it.
+    /// Position of the data window in the frame; in files of other programs it may reach beyond the frame.
     pub position: (i32, i32),
     /// Width in pixels.
     pub width: usize,
@@ -217,8 +217,8 @@ impl Layers {
         })
     }
 
-    /// The main picture: `R`, `G`, `B`, or a grey `Y`; in a file whose channels are all in layers, the layer that Blender
-    /// (`Combined`) and others (`RGBA`, `beauty`) give that part to, or the only colour.
+    /// The main picture: `R`, `G`, `B`, or a grey `Y`. If all channels are in layers, it is the layer named `Combined`
+    /// (Blender), `RGBA` or `beauty` (others), or else the only colour.
     pub fn main(&self) -> Result<Buffer, Problem> {
         if self.channels.contains_key("R") {
             return self.picture(["R", "G", "B"]);
@@ -258,8 +258,8 @@ impl Layers {
         })
     }
 
-    /// The picture of a layer: its colour, its vector, or its only channel in grey. The name may leave out what stands in
-    /// front, such as `Depth` for `ViewLayer.Depth`, if that is unambiguous.
+    /// The picture of a layer: its colour, its vector, or its only channel in grey. The name may omit a prefix, as in
+    /// `Depth` for `ViewLayer.Depth`, if that is unambiguous.
     pub fn layer(&self, name: &str) -> Result<Buffer, Problem> {
         let suffix = format!(".{name}");
         let (names, keys) = (self.names(), self.channels.keys().map(String::as_str));
@@ -305,7 +305,7 @@ impl Layers {
         }
     }
 
-    /// Names of the layers: what stands before the last point of a channel.
+    /// Names of the layers: the part of a channel's name before its last point.
     fn names(&self) -> BTreeSet<&str> {
         let fronts = self.channels.keys().filter_map(|key| key.rsplit_once('.'));
         fronts.map(|(front, _)| front).collect()

@@ -21,8 +21,7 @@ pub fn read_rgb(path: &Path) -> Result<Buffer, FileError> {
     read_layers(path)?.main().map_err(|e| e.at(path))
 }
 
-/// Reads a film that [`write_film`](super::write_film) wrote, in the single precision of the file and without its
-/// refusals.
+/// Reads a film that [`write_film`](super::write_film) wrote, in single precision and without its refused samples.
 pub fn read_film(path: &Path) -> Result<Film, FileError> {
     read_layers(path)?.film(path)
 }
@@ -65,7 +64,7 @@ fn film_of(layers: &Layers) -> Result<Film, Problem> {
     Ok(film)
 }
 
-/// Noise that pixels share, by the integrator and what it has stated. Files without an integrator have pixels of their own.
+/// Shared noise by the stated error and the integrator. Pixels are independent in files that name no integrator.
 fn sharing(metadata: &Metadata) -> Sharing {
     let number = |word: &str| word.parse().ok().filter(|x: &f64| *x >= 0.0);
     let stated = metadata.get(MEAN_ERROR).and_then(|text| {
@@ -89,7 +88,7 @@ fn read_channels(path: &Path) -> Result<Layers, Problem> {
     let mut file = BufReader::new(File::open(path).map_err(Problem::Read)?);
     check_headers(&mut file)?;
     file.rewind().map_err(Problem::Read)?;
-    // On this thread: of a file that is broken twice, threads would tell now one fault, now the other.
+    // On one thread: with several, a file with two faults would give one error or the other at random.
     let image = exrs::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -155,7 +154,7 @@ fn read_channels(path: &Path) -> Result<Layers, Problem> {
     Ok(layers)
 }
 
-/// Our own attribute is many keys; text attributes of other programs are one each.
+/// Splits the attribute of this program into its keys; a text attribute of another program is one key.
 fn add_metadata(metadata: &mut Metadata, key: &str, value: &str) {
     match serde_json::from_str::<Metadata>(value) {
         Ok(own) if key == METADATA => metadata.extend(own),
@@ -165,11 +164,11 @@ fn add_metadata(metadata: &mut Metadata, key: &str, value: &str) {
     }
 }
 
-/// The most bytes of pixels that a byte of a file can hold: Deflate makes at most 1032 of one, and of the codings around
-/// it the tightest leaves every fourth byte out.
+/// Most bytes of pixels that a byte of a file can hold: Deflate expands a byte to at most 1032, and the densest coding
+/// around it drops every fourth byte.
 const MAX_RATIO: u64 = 2048;
 
-/// Sizes are looked at before the pixels are read: a header of a few bytes can ask for any amount of memory.
+/// Checks sizes before pixels are read: a header of a few bytes can declare any size.
 fn check_headers(file: &mut BufReader<File>) -> Result<(), Problem> {
     let length = file.get_ref().metadata().map_err(Problem::Read)?.len();
     let meta = ::exr::meta::MetaData::read_from_buffered(file, false).map_err(problem)?;

@@ -21,8 +21,8 @@ use crate::image::film::{Film, LARGEST, Window};
 use crate::math::UVec2;
 use crate::math::moments::Moments;
 
-/// Writes a film: the picture, `sample_variance`, `variance_of_mean`, `spp`, and the layers given; in its metadata the
-/// standard error of its mean, where pixels share light paths.
+/// Writes a film: the picture, `sample_variance`, `variance_of_mean`, `spp`, and the layers given. Its metadata has the
+/// standard error of its mean, if pixels share light paths.
 pub fn write_film<'a>(
     path: &Path,
     film: &Film,
@@ -33,7 +33,7 @@ pub fn write_film<'a>(
     write_film_beside(path, film, others.collect(), header)
 }
 
-/// The same with channels that are made while they are written.
+/// [`write_film`] with channels that are computed while they are written.
 pub(crate) fn write_film_beside<'a>(
     path: &Path,
     film: &Film,
@@ -83,7 +83,7 @@ pub fn write_rgb(path: &Path, picture: &Buffer, metadata: &Metadata) -> Result<(
     write_layers(path, (size, Window::full(size)), picture, &[], metadata)
 }
 
-/// Writes a file; frame and window come first. Lines are coded as they are written: a file takes no memory of its own.
+/// Writes a picture of the frame and window `part`. Lines are coded while they are written, without a copy in memory.
 pub(crate) fn write<'a>(
     path: &Path,
     part: (UVec2, Window),
@@ -91,7 +91,7 @@ pub(crate) fn write<'a>(
     header: Header<'_>,
 ) -> Result<(), FileError> {
     let image = image(part, channels, header).map_err(|e| e.at(path))?;
-    // On this thread: the pool that the crate makes for every file left holes in the heap, 8 % in an hour of saves.
+    // On one thread: the crate's thread pool for every file fragmented the heap, by 8 % in an hour of saves.
     files::write(path, |out| {
         let written = image.write().non_parallel().to_buffered(out);
         written.map_err(|error| match error {
@@ -160,7 +160,7 @@ fn image<'a>(
     })
 }
 
-/// A channel that is made line by line while it is written: a file takes no copy of the picture.
+/// A channel that is computed line by line while it is written, without a copy of the picture.
 struct Pixels<'a> {
     value: Value<'a>,
     half: bool,
@@ -213,7 +213,7 @@ impl SamplesWriter for Lines<'_> {
 /// Largest half float.
 const HALF_MAX: f32 = 65504.0;
 
-/// Layers that lose only precision as half floats.
+/// True for layers that only lose precision as half floats.
 fn fits_half(layer: &str) -> bool {
     let level = layer
         .strip_prefix("level")
@@ -221,7 +221,7 @@ fn fits_half(layer: &str) -> bool {
     ["", "albedo", "normal", "emission", "direct", "indirect"].contains(&layer) || level
 }
 
-/// Primaries and white of our RGB.
+/// Primaries and white point of all RGB values.
 const REC_709: Chromaticities = Chromaticities {
     red: exrs::Vec2(0.64, 0.33),
     green: exrs::Vec2(0.3, 0.6),

@@ -48,7 +48,7 @@ fn complete_film_lends_an_empty_batch_the_others_mean() {
     let whole = film.clone();
     let mut film = LevelFilm::new(size, Window::full(size), 2);
     for index in 0..200 {
-        // Two pixels of two hundred lack a batch.
+        // Two pixels of two hundred have no sample in one batch.
         (0..8u32)
             .filter(|sample| index > 1 || sample % 4 != 2)
             .for_each(|sample| push(&mut film, index, sample..sample + 1));
@@ -65,7 +65,7 @@ fn complete_film_lends_an_empty_batch_the_others_mean() {
             );
         }
     }
-    // A third one leaves two batches, and nothing of the others.
+    // With a third such pixel, two batches are left.
     film.counts[2][2] = 0;
     assert_eq!(film.batches(), 2);
     let complete = film.complete().expect("two batches");
@@ -76,11 +76,11 @@ fn complete_film_lends_an_empty_batch_the_others_mean() {
     assert_eq!((film.batches(), film.complete()), (1, None));
 }
 
-/// Every half has the light of its own pixels, and between them a mean of those that are alike.
+/// Every half has its own pixels' light, and between them a mean of similar neighbours.
 #[test]
 fn halves_of_one_sample_are_two_chessboards() {
     let size = UVec2::new(4, 3);
-    // In the frame the window begins with a pixel of the other colour.
+    // In the frame, the window begins with a pixel of the second half.
     let window = Window {
         x: 3,
         y: 2,
@@ -98,7 +98,7 @@ fn halves_of_one_sample_are_two_chessboards() {
         };
         film.push(index, 0, &path);
     }
-    // Nothing is like pixel 0. To the right of pixel 5 is the one without a sample, above it twice the weight.
+    // Pixel 0 has no similar neighbour. Right of pixel 5 is the one without a sample; above it is twice the weight.
     let mut weights = [[1.0, 1.0, 2.0, 1.0]; 12];
     weights[0] = [0.0; 4];
     let halves = film.halves(&weights);
@@ -165,7 +165,7 @@ fn carried_sums_go_with_tiles_bands_and_files() {
         for index in 0..SIZE.element_product() as usize {
             push(&mut whole, index, 0..end + 9);
         }
-        // In tiles, and by way of a file.
+        // In tiles, and read back from a file.
         for tile in Window::full(SIZE).tiles(2) {
             let mut part = film.cut(tile);
             (0..tile.len()).for_each(|index| push(&mut part, index, 0..end));
