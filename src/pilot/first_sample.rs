@@ -1,4 +1,4 @@
-//! A choice whose first sample fits into the time of a render.
+//! Replaces a choice whose first sample does not fit into the time of a render.
 
 use super::window::pilot_window;
 use super::{Choice, Contender, PATHS_PER_SECOND, as_many_photons, usual_cost};
@@ -9,11 +9,11 @@ use std::time::{Duration, Instant};
 /// Share of the pixels on which the time of a sample is measured.
 const SHARE: f64 = 1.0 / 64.0;
 
-/// Most times that a sample may cost what it costs in most scenes.
+/// Largest assumed ratio of a sample's cost to its usual cost.
 const DEARER: f64 = 16.0;
 
-/// Keeps a choice, unless not one whole sample of it fits into the time that is `left`: then paths take its place, and their first sample
-/// stands where the other would leave pixels black. The clock decides, as it decides how many samples such a render has.
+/// Keeps a choice if one whole sample of it fits into the time `left`. Otherwise returns path tracing, because an
+/// incomplete first sample leaves pixels black. The decision depends on measured time.
 pub(crate) fn with_a_first_sample(
     choice: Choice,
     contenders: &[Contender],
@@ -38,7 +38,7 @@ pub(crate) fn with_a_first_sample(
     let mut integrator = settings.integrator();
     let start = Instant::now();
     integrator.prepare(&small);
-    // The render does that again.
+    // The render repeats this preparation.
     let aim = start.elapsed().as_secs_f64();
     let mut picture = Picture::new(Film::cropped(frame, window)?);
     let mut fits = |sample: u32| {
@@ -47,7 +47,7 @@ pub(crate) fn with_a_first_sample(
         let seconds = clock.elapsed().as_secs_f64() * pixels / window.len() as f64;
         start.elapsed().as_secs_f64() + aim + seconds <= left
     };
-    // The first may have been interrupted.
+    // The first sample may have been slowed by other work.
     if fits(0) || fits(1) {
         return Ok(choice);
     }

@@ -1,18 +1,18 @@
 //! Small pictures of several integrators, judged without a reference.
 //!
-//! A pilot sees a few samples of a small picture. Light that comes as rare bright samples decides the error of the render, and
-//! is met by chance in so few: what the scene's lights and materials call for is a better guess than a difference in noise. So the
-//! contender that the scene calls for is taken unless another one is clearly better. Rules, each with a constant:
+//! A pilot has few samples of a small picture. Rare bright samples decide a render's error, and few samples contain
+//! them only by chance. Lights and materials are therefore a better guide than a difference in noise: the contender
+//! advised for them is taken unless another is clearly better. Rules, each with a constant:
 //!
-//! - *Tiles*: the variance of a tile, relative to what the contenders together show there, over the samples that fit into the
-//!   time of the render. A tile counts at most as one that is black, and tiles by the root of their error, so that no bright sample
-//!   decides.
-//! - *Missing light*: a tile that is darker than another contender shows it, by more than the noise of both, misses light. Light
-//!   that none of n samples found has a second moment of at least n times its squared mean.
-//! - *Parts*: the strategies of `path` are among those of `bdpt`, and its are among those of `vcm`, so that a sample of fewer
-//!   strategies has no less variance `[Veach97 §9.2]`.
-//! - *Doubt*: another contender needs less than a third of the error of the one that the scene calls for. A contender
-//!   with levels replaces only `path`: its samples give no evidence of light that they have not found.
+//! - *Tiles*: the mean variance of a tile's pixels over their squared radiance, which is the median of the contenders,
+//!   divided by the samples that fit into the render's time. A tile counts at most as much as a black one, and errors
+//!   are averaged by their roots, so that no single bright sample decides.
+//! - *Missing light*: a tile misses light if it is darker than another contender's by more than the noise of both.
+//!   Light that none of n samples found has a second moment of at least n times its squared mean.
+//! - *Parts*: the strategies of `path` are a subset of those of `bdpt`, and these of those of `vcm`. So a sample of
+//!   fewer strategies has no less variance `[Veach97 §9.2]`.
+//! - *Doubt*: another contender replaces the advised one only if it has less than a third of the squared error. A
+//!   contender with levels replaces only `path`: its samples are no evidence of light that they have not found.
 
 use super::{Contender, MISSED, Trial};
 use crate::image::Buffer;
@@ -27,14 +27,14 @@ use crate::resolve::{Resolve, resolve_film};
 /// Edge in pixels of the tiles.
 const TILE: u32 = 8;
 
-/// Standard errors by which a tile must be darker than with another contender to miss light.
+/// Number of standard errors by which a tile that misses light must be darker than another contender's.
 const DARKER: f64 = 2.0;
 
-/// Times that the error of another contender must be below that of the one that the scene calls for. Of 1, 1.5, 2, 3 and 5 on
-/// 20 scenes 3 and 5 chose best; 5 is more than what samples of `vcm` and `path` differ in cost.
+/// Factor by which another contender's squared error must be smaller than the advised one's. Of 1, 1.5, 2, 3 and 5, the
+/// values 3 and 5 chose best on 20 scenes; 5 exceeds the ratio of the costs of samples of `vcm` and `path`.
 const MARGIN: f64 = 3.0;
 
-/// Exponent with which the squared error of levels falls as samples grow: less noise, and less roughening.
+/// Exponent of the number of samples in the decrease of levels' squared error: both noise and roughening decrease.
 const LEVELS_FALL: f64 = 0.8;
 
 /// A contender's small picture.
@@ -46,9 +46,9 @@ pub(super) struct Draft {
     levels: bool,
     /// Samples per pixel.
     samples: f64,
-    /// Time of a sample per pixel.
+    /// Cost of a sample per pixel in camera paths.
     cost: f64,
-    /// Mean of every pixel and variance of one of its samples, the channels taken together.
+    /// Mean of every pixel and variance of one of its samples, both averaged over channels.
     mean: Vec<f64>,
     variance: Vec<f64>,
 }
@@ -87,8 +87,8 @@ impl Draft {
         }
     }
 
-    /// Light paths alone never find what is seen by way of a Dirac lobe, others no light without area there; what is roughened
-    /// does.
+    /// True if the contender can never find some light: light tracing finds nothing seen via a Dirac lobe, and others
+    /// find no lights without area there unless they roughen.
     fn is_blind(&self, punctual: bool) -> bool {
         match self.kind.row().blind {
             Blind::ToMirrors => true,
@@ -97,8 +97,8 @@ impl Draft {
         }
     }
 
-    /// Mean of some pixels, and the variance of that mean; of so few samples it is often zero by chance, so that a sample of
-    /// a pixel counts as having no less than `usual`.
+    /// Mean of some pixels, and its variance. The estimated variance of few samples is often zero by chance, so the
+    /// variance of a sample counts as at least `usual`.
     fn tile(&self, pixels: &[usize], usual: &[f64]) -> (f64, f64) {
         let count = pixels.len() as f64;
         let mean: f64 = pixels.iter().map(|&p| self.mean[p]).sum();
@@ -108,12 +108,12 @@ impl Draft {
         (mean / count, variance / (count * count * self.samples))
     }
 
-    /// Samples per pixel in so much time per pixel.
+    /// Samples per pixel in `time` camera paths per pixel.
     fn samples_in(&self, time: f64) -> f64 {
         (time / self.cost).max(1.0)
     }
 
-    /// Number of samples by which the variance of one is divided.
+    /// Effective number of samples by which the variance of one is divided.
     fn divisor(&self, samples: f64) -> f64 {
         match self.kind {
             // The radius of merges shrinks, so that the variance of a sample rises with n^(1 − α).
@@ -124,7 +124,7 @@ impl Draft {
     }
 }
 
-/// Median of some contenders in every pixel: a bright sample of one of them does not change it.
+/// Median over some contenders in every pixel, so that a bright sample of one contender makes no difference.
 fn median(drafts: &[&Draft], values: impl Fn(&Draft) -> &[f64]) -> Vec<f64> {
     let pixels = drafts.first().map_or(0, |draft| draft.mean.len());
     let of_pixel = |pixel: usize| {
@@ -136,7 +136,7 @@ fn median(drafts: &[&Draft], values: impl Fn(&Draft) -> &[f64]) -> Vec<f64> {
     (0..pixels).map(of_pixel).collect()
 }
 
-/// Radiance of every pixel, from the contenders that find all light.
+/// Radiance of every pixel, by the contenders that can find all light, or by all if there are none.
 fn radiance(drafts: &[Draft], punctual: bool) -> Vec<f64> {
     let mut seeing: Vec<&Draft> = drafts.iter().filter(|d| !d.is_blind(punctual)).collect();
     if seeing.is_empty() {
@@ -145,11 +145,11 @@ fn radiance(drafts: &[Draft], punctual: bool) -> Vec<f64> {
     median(&seeing, |d| &d.mean)
 }
 
-/// Light of a tile that a draft lacks and another one shows.
+/// Light of a tile that is in another draft and not in this one.
 struct Lack {
-    /// Its square, without what noise adds.
+    /// Square of the missing light, minus the variance of the difference.
     squared: f64,
-    /// Light beyond noise.
+    /// Missing light beyond [`DARKER`] standard errors.
     beyond: f64,
 }
 
@@ -169,8 +169,8 @@ impl Lack {
     }
 }
 
-/// The contenders' small pictures of a window against each other, for a render of this time per pixel; `punctual` if there
-/// are lights without area.
+/// Judges the contenders' small pictures of a window, for a render of `time` camera paths per pixel. `punctual` is true
+/// if there are lights without area.
 pub(super) fn judged(drafts: &[Draft], window: Window, time: f64, punctual: bool) -> Vec<Trial> {
     let radiance = radiance(drafts, punctual);
     let usual = median(&drafts.iter().collect::<Vec<_>>(), |d| &d.variance);
@@ -221,8 +221,8 @@ pub(super) fn judged(drafts: &[Draft], window: Window, time: f64, punctual: bool
     drafts.iter().enumerate().map(trial).collect()
 }
 
-/// The place of the trial to take, where the scene calls for the one at place `first`: that one, unless it misses light or
-/// another is clearly better; if all miss light, the one that misses least.
+/// Index of the trial to take: `first`, the advised one, unless it misses light or another is clearly better. If all
+/// miss light, the one that misses least.
 pub(super) fn best(trials: &[Trial], first: usize) -> Option<usize> {
     let sees = |i: &usize| trials[*i].missed < MISSED;
     let order = |a: &usize, b: &usize| trials[*a].error.total_cmp(&trials[*b].error);

@@ -1,13 +1,13 @@
 //! The integrator of a scene, chosen by a pilot without a reference.
 //!
-//! The scene's lights and materials call for one of the contenders ([`advise`]), which is taken unless the pilot shows that another
-//! is clearly better. The contenders race: all render the scene small for about the same work, those that are far behind
-//! leave, the others double their samples, until one is left or a twentieth of the render's work is spent. A render whose
-//! twentieth is less than the first round has no race. The pilot's samples are no part of the picture. Its pictures are judged
-//! in `judge`.
+//! The scene's lights and materials suggest one of the contenders ([`advise`]), which is taken unless the pilot shows
+//! that another is clearly better. In a race, all contenders render the scene small for about the same work, those far
+//! behind drop out, and the others double their samples, until one is left or a twentieth of the render's work is
+//! spent. There is no race if that is less than the first round. The pilot's samples are no part of the picture.
+//! `judge` compares its pictures.
 //!
-//! Work is counted in camera paths, each sample at what it costs in most scenes, so that a choice depends on its arguments alone. With
-//! a length in seconds the clock ends the race too, where paths are slower than in most scenes.
+//! Work is counted in camera paths, at the usual cost of each integrator's samples, so that a choice depends on its
+//! arguments alone. If the render's length is in seconds, the clock can also end a race.
 
 mod first_sample;
 mod judge;
@@ -34,7 +34,7 @@ use window::pilot_window;
 /// Share of the render's work that the race may take.
 const SHARE: f64 = 0.05;
 
-/// Work of a race at most, in camera paths: about a CPU-second, since a crop chooses as its whole frame does.
+/// Most work of a race in camera paths, 1.5 CPU-seconds. The bound lets a crop choose as its whole frame does.
 const MOST_PATHS: f64 = (1 << 20) as f64;
 
 /// Share of the render's work that the first round should take.
@@ -43,31 +43,31 @@ const FIRST_SHARE: f64 = 0.02;
 /// Fewest and most pixels of the pilot's pictures.
 const PIXELS: (f64, f64) = (1024.0, 4096.0);
 
-/// Work of a contender's first round, in samples per pixel of the path tracer; fewest and most samples.
+/// Work of a contender's first round in path-tracer samples per pixel; fewest and most samples per pixel.
 const FIRST: f64 = 7.0;
 const SAMPLES: (u32, u32) = (2, 1024);
 
-/// Contenders with more than this multiple of the least error leave the race, unless the scene calls for them.
+/// Contenders with more than this multiple of the least error leave the race, unless they are advised.
 const BEHIND: f64 = 2.0;
 
-/// Camera paths per CPU-second, by which the time of a render is work.
+/// Camera paths per CPU-second, which convert the time of a render to work.
 const PATHS_PER_SECOND: f64 = 0.7e6;
 
 /// Samples per pixel that a pilot assumes for a render to a target error.
 pub(crate) const SPP_OF_TARGET: u32 = 256;
 
-/// Brightest direction of an environment over its mean from which it throws caustics as a lamp does.
+/// Ratio of an environment's peak to its mean radiance above which it casts caustics like a lamp.
 const PEAK: f32 = 100.0;
 
-/// Share of the light that a contender may miss for good while there are others.
+/// Share of the light that a contender may be unable to find while there are others.
 pub(super) const MISSED: f64 = 0.01;
 
 /// An integrator that could render the picture.
 #[derive(Clone, Debug)]
 pub struct Contender {
-    /// Its name.
+    /// Kind of integrator.
     pub kind: IntegratorKind,
-    /// All that its picture depends on.
+    /// Settings that determine its picture.
     pub settings: Settings,
 }
 
@@ -77,7 +77,7 @@ impl Contender {
         self.kind.is_path() && self.settings.amounts.has_choice()
     }
 
-    /// Its name for people.
+    /// Name for messages.
     fn name(&self) -> String {
         let levels = if self.has_levels() {
             " with levels"
@@ -97,18 +97,18 @@ pub enum Horizon {
     Seconds(f64),
 }
 
-/// A contender as the pilot saw it.
+/// Result of the pilot for one contender.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trial {
-    /// Its name.
+    /// Kind of integrator.
     pub kind: IntegratorKind,
     /// True if every pixel gets the best of several levels of roughening.
     pub levels: bool,
-    /// Samples per pixel that it takes in the time of the render.
+    /// Samples per pixel in the time of the render.
     pub samples: f64,
     /// Expected relative error at the end of the render: mean over tiles of the root of their relMSE, at most 1 each.
     pub error: f64,
-    /// Share of the picture's light that it will never find; 0 within noise.
+    /// Share of the picture's light that the contender can never find; 0 within noise.
     pub missed: f64,
 }
 
@@ -123,17 +123,17 @@ impl Trial {
 /// Outcome of a pilot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// Place of the best contender.
+    /// Index of the best contender.
     pub best: usize,
-    /// Its name.
+    /// Name of the best contender.
     name: String,
-    /// Contenders that were tried, in their order; none if there was no race.
+    /// Results of the contenders in the race, in their order; empty if there was no race.
     pub trials: Vec<Trial>,
-    /// Place of the best among them.
+    /// Index of the best in `trials`; `None` without a race.
     pub chosen: Option<usize>,
-    /// Place among them of the one that the scene calls for.
+    /// Index in `trials` of the advised contender.
     pub first: usize,
-    /// Why the scene calls for it.
+    /// Reason for the advice.
     pub why: &'static str,
     /// CPU-seconds of the pilot.
     pub seconds: f64,
@@ -149,7 +149,7 @@ impl Choice {
         format!("integrator {}: {why}", self.name)
     }
 
-    /// Name of what the scene calls for, where another contender was better.
+    /// Name of the advised contender, if another one was better.
     fn overruled(&self) -> Option<String> {
         let first = self.trials.get(self.first)?;
         (self.chosen != Some(self.first)).then(|| first.name())
@@ -157,7 +157,7 @@ impl Choice {
 }
 
 impl fmt::Display for Choice {
-    /// Names the choice, and the costs of the others.
+    /// Names the choice, its expected relative error, and the error ratios of the others.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(out, "{}", self.summary())?;
         let Some(place) = self.chosen else {
@@ -183,20 +183,20 @@ impl fmt::Display for Choice {
     }
 }
 
-/// The integrator that a scene's lights and materials call for.
+/// Integrator that a scene's lights and materials suggest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Advice {
-    /// Its name.
+    /// Kind of integrator.
     pub kind: IntegratorKind,
     /// The reason, in words.
     pub why: &'static str,
 }
 
-/// Roughness below which a lobe makes caustics that no light sample finds.
+/// Roughness below which a lobe casts caustics that light sampling cannot find.
 const SHARP: f32 = 0.1;
 
-/// Names the integrator that a scene's lights and materials call for. Nothing is rendered, so reflections that are out of
-/// sight count as much as others; a pilot knows better.
+/// Suggests an integrator by a scene's lights and materials. Nothing is rendered, so invisible reflections count as
+/// much as visible ones; a pilot is more accurate.
 pub fn advise(scene: &Scene) -> Advice {
     let parts = scene.parts();
     let advice = |kind, why| Advice { kind, why };
@@ -242,7 +242,7 @@ pub fn advise(scene: &Scene) -> Advice {
     }
 }
 
-/// True for an environment that has a sun.
+/// True for an environment with a peak as bright as a sun's.
 fn has_sun(scene: &Scene) -> bool {
     let environment = scene.parts().environment.as_ref();
     environment.is_some_and(|map| map.peak() > PEAK)
@@ -253,14 +253,14 @@ fn sharp(scene: &Scene) -> [bool; 2] {
     let mut found = [false; 2];
     for m in &scene.parts().materials {
         let sharp = m.alpha < SHARP || m.metallic_roughness_texture.is_some();
-        // Panes and boundaries of clouds let light samples through.
+        // Panes and boundaries of clouds let shadow rays through.
         found[0] |= sharp && m.transmission > 0.0 && !m.is_pane() && !m.is_null();
         found[1] |= sharp && m.metallic > 0.5;
     }
     found
 }
 
-/// Places of the contenders that the pilot should try: they know the scene, and it could call for them.
+/// Indices of the contenders that the pilot should try: those that support the scene and could be best.
 fn worth_a_try(contenders: &[Contender], scene: &Scene) -> Vec<usize> {
     let lit = !scene.lights().is_empty();
     let caustics = lit && sharp(scene).contains(&true);
@@ -277,8 +277,8 @@ fn worth_a_try(contenders: &[Contender], scene: &Scene) -> Vec<usize> {
     all.filter(|&i| is_worth(&contenders[i])).collect()
 }
 
-/// Place among some contenders of the one that a scene calls for: that of the advice, where it knows the scene; else path
-/// tracing, as roughened as the contenders are.
+/// Index among some contenders of the advised one; if it is not among them, of roughened path tracing, or else of the
+/// first.
 fn called_for(kind: IntegratorKind, contenders: &[&Contender]) -> usize {
     let advised = |c: &&&Contender| c.kind == kind && !kind.is_path();
     let path = |c: &&&Contender| c.kind.is_path() && c.settings.rule != Rule::Plain;
@@ -288,22 +288,22 @@ fn called_for(kind: IntegratorKind, contenders: &[&Contender]) -> usize {
     place(&advised).or_else(|| place(&path)).unwrap_or(0)
 }
 
-/// Cost of a sample per pixel over that of the path tracer, in most scenes; light paths are as many as pixels of the full
-/// frame, `frames` times those of the picture.
+/// Usual cost of a sample per pixel over that of the path tracer. There is a light path for every pixel of the full
+/// frame, which has `frames` times the pixels of the picture.
 fn usual_cost(contender: &Contender, frames: f64) -> f64 {
     let has_levels = contender.kind.is_path() && contender.has_levels();
     let levels = if has_levels { 1.2 } else { 1.0 };
     levels * contender.settings.estimator.cost(frames)
 }
 
-/// Time of a render that is left after loading and pilot: at least a quarter, or there would be no picture.
+/// Time of a render that is left after loading and pilot: at least a quarter, so that there is a picture.
 pub(crate) fn left_after(time: Duration, spent: Duration) -> Duration {
     time.saturating_sub(spent).max(time / 4)
 }
 
 /// Chooses an integrator for a render of a view; the first contender must be the path tracer.
 ///
-/// Given up with `None` when `go_on` says no; it is asked before every small render. Fails where the window leaves the
+/// `None` if `go_on`, which is called before every small render, returns false. Fails if the window is not inside the
 /// frame.
 pub fn choose_integrator(
     contenders: &[Contender],
@@ -386,7 +386,7 @@ pub fn choose_integrator(
     }))
 }
 
-/// Contenders that are left after a round: the one that the scene calls for, and those that are not far behind the best.
+/// True for contenders that stay in the race: the advised one, and those that are not far behind the best.
 fn still_racing(runners: &[Runner], trials: &[Trial], called: usize) -> Vec<bool> {
     let seen = |t: &&Trial| t.missed < MISSED;
     let least = (trials.iter().filter(seen)).fold(f64::INFINITY, |e, t| e.min(t.error));
@@ -396,8 +396,8 @@ fn still_racing(runners: &[Runner], trials: &[Trial], called: usize) -> Vec<bool
         .collect()
 }
 
-/// True if one contender is left, the next round would take more work than `most`, in camera paths for each of the pilot's
-/// pixels, or would take too many samples.
+/// True if fewer than two contenders stay, if all rounds and the next would exceed `most` camera paths per pixel of the
+/// pilot, or if the most samples are reached.
 fn is_over(runners: &[Runner], stay: &[bool], most: f64) -> bool {
     let work = |runner: &Runner| f64::from(runner.samples) * runner.cost;
     let staying =
@@ -407,8 +407,8 @@ fn is_over(runners: &[Runner], stay: &[bool], most: f64) -> bool {
     spent + next > most || runners.iter().any(|r| r.samples >= SAMPLES.1) || staying().count() < 2
 }
 
-/// True if a round that goes on as it began ends after the pilot's share of a limit of time. `before` and `now` are the CPU-seconds of the
-/// process, of all its threads, at the start of the race and now.
+/// True if the race would exceed its share of the render's seconds at the end of this round, extrapolated by work.
+/// `before` and `now` are CPU-seconds of all threads of the process, at the start of the race and now.
 fn is_late(runners: &[Runner], horizon: Horizon, [before, now]: [f64; 2]) -> bool {
     let Horizon::Seconds(seconds) = horizon else {
         return false;
@@ -423,7 +423,7 @@ fn is_late(runners: &[Runner], horizon: Horizon, [before, now]: [f64; 2]) -> boo
 
 /// A contender in the race.
 struct Runner {
-    /// With the settings of the pilot.
+    /// The contender with the settings of the pilot.
     contender: Contender,
     integrator: Box<dyn Integrator>,
     picture: Picture,
@@ -448,9 +448,9 @@ impl Runner {
         let Contender { kind, settings } = contender;
         let settings = Settings {
             estimator: as_many_photons(settings.estimator, view, small),
-            // A picture that shares paths with its pilot would favour what these paths favour.
+            // With the render's own random numbers, the choice would favour what these happen to find.
             seed: Seed(settings.seed).derive(Domain::Pilot, 1 + number).0,
-            // The film's variances decide.
+            // Variances decide, and they are valid for independent samples only.
             sampler: SamplerKind::Independent,
             ..settings.clone()
         };
@@ -480,8 +480,8 @@ impl Runner {
     }
 }
 
-/// An estimator for the small picture of a view: its light paths are fewer, so the radius grows until as many photons
-/// merge as in the view. The automatic radius has bounds, and would not.
+/// The estimator for the small picture of a view. Its light paths are fewer, so the radius grows until as many photons
+/// merge as in the view. The automatic radius is bounded and would not grow enough.
 fn as_many_photons(estimator: Estimator, view: &View<'_>, small: &View<'_>) -> Estimator {
     let paths =
         |frame: UVec2| (f64::from(frame.x) * f64::from(frame.y)).min(MAX_LIGHT_PATHS.into());

@@ -1,8 +1,8 @@
-//! Small pictures by `vcm` as a witness of light that camera paths have missed.
+//! Small pictures by `vcm` as a witness: they reveal light that camera paths have missed.
 //!
-//! All levels of a path tracer can miss the same light: a lamp in glass, a sun under water. Photons find it with few samples. Each
-//! of the small pictures is an independent estimate of the light of every region of the frame, so that their spread is the error of
-//! their mean, whatever light their pixels share.
+//! All levels of a path tracer can miss the same light: a lamp in glass, a sun under water. Photons find it with few
+//! samples. Each small picture is an independent estimate of the light of every region of the frame. Their spread is
+//! therefore the error of their mean, although pixels of one picture share light paths.
 
 use super::witness::{LEAST, Missing, Part, SHARE, around, normal_bound, squared_error};
 use crate::image::film::{Film, Window};
@@ -13,10 +13,10 @@ use crate::math::{Rgb, UVec2};
 use crate::regularise::Rule;
 use crate::sampler::{Domain, SamplerKind, Seed};
 
-/// Independent pictures.
+/// Number of independent pictures.
 const PICTURES: u32 = 16;
 
-/// Edge of a region in pixels of such a picture.
+/// Edge of a region in pixels of a small picture.
 const REGION: u32 = 4;
 
 /// Fewest and most regions.
@@ -28,7 +28,7 @@ const MOST: f64 = 0.12;
 /// Probability that chance alone raises one of the regions of a picture above the bound.
 const CHANCE: f64 = 0.05;
 
-/// Columns and rows of about `most` regions, as near to squares as they can be; `None` for a frame that is too narrow.
+/// A grid of about `most` regions, as square as possible; `None` for a frame that is too narrow.
 fn grid(frame: UVec2, most: f64) -> Option<UVec2> {
     let aspect = f64::from(frame.x) / f64::from(frame.y);
     let of = |rows: u32| UVec2::new((f64::from(rows) * aspect).round() as u32, rows);
@@ -42,9 +42,9 @@ fn grid(frame: UVec2, most: f64) -> Option<UVec2> {
         })
 }
 
-/// The regions of a witness beside a render with this number of samples per pixel; `None` where there is none: for other
-/// estimators than the path tracer, for crops, for scenes without anything glossy or with contents that `vcm` does not know, and
-/// for renders that are too short.
+/// The regions of a witness for a render with this number of samples per pixel. `None` if there is no witness: for
+/// estimators other than the path tracer, crops, scenes without glossy lobes or with contents that `vcm` does not
+/// support, and renders that are too short.
 fn regions_beside(
     view: &View<'_>,
     settings: &Settings,
@@ -82,7 +82,7 @@ fn witness(settings: &Settings) -> Settings {
     }
 }
 
-/// Looks for light that a whole frame by the path tracer misses after this number of samples.
+/// Looks for light that the path tracer misses in a whole frame after this number of samples per pixel.
 pub(super) fn missing_light(
     view: &View<'_>,
     settings: &Settings,
@@ -112,13 +112,13 @@ fn light_of(film: &Film, pixel: usize) -> f64 {
     film.pixels[pixel].mean.element_sum()
 }
 
-/// Region of a pixel of a frame, by its number.
+/// Index of a pixel's region.
 fn region(frame: UVec2, grid: UVec2, pixel: usize) -> usize {
     let (x, y) = (pixel as u32 % frame.x, pixel as u32 / frame.x);
     (y * grid.y / frame.y * grid.x + x * grid.x / frame.x) as usize
 }
 
-/// Means over the regions of a frame of a number for each of its pixels.
+/// Means by region of a value for each pixel of a frame.
 fn means(frame: UVec2, grid: UVec2, of: impl Fn(usize) -> f64) -> Vec<f64> {
     let mut sums = vec![(0.0, 0u32); grid.element_product() as usize];
     for pixel in 0..frame.element_product() as usize {
@@ -130,7 +130,7 @@ fn means(frame: UVec2, grid: UVec2, of: impl Fn(usize) -> f64) -> Vec<f64> {
     sums.into_iter().map(mean).collect()
 }
 
-/// Light of a picture in every region: that of its level with the most, which the choice takes if it is right.
+/// Light of a picture by region, at the brightest level of each, which a correct choice takes.
 fn light_in(picture: &Picture, grid: UVec2) -> Vec<f64> {
     let frame = picture.film.size;
     let mut most = means(frame, grid, |i| light_of(&picture.film, i));
@@ -153,14 +153,14 @@ fn estimate(values: &[f64]) -> (f64, f64) {
     (mean, squares / (n * (n - 1.0)))
 }
 
-/// Quantile of Student's distribution for the normal quantile `z` (Wallace: *Bounds on Normal Approximations to Student's and the
-/// Chi-Square Distributions*, The Annals of Mathematical Statistics 30(4), 1959).
+/// Quantile of Student's distribution for the normal quantile `z` (Wallace: *Bounds on Normal Approximations to
+/// Student's and the Chi-Square Distributions*, The Annals of Mathematical Statistics 30(4), 1959).
 fn student(z: f64, freedom: f64) -> f64 {
     let scaled = z * (8.0 * freedom + 3.0) / (8.0 * freedom + 1.0);
     (freedom * (scaled * scaled / freedom).exp_m1()).sqrt()
 }
 
-/// The light that a picture misses, by the light of every region in independent pictures.
+/// The light that a picture misses, given the light of every region in independent pictures.
 fn compared(lights: &[Vec<f64>], picture: &Picture, grid: UVec2) -> Option<Missing> {
     let frame = picture.film.size;
     let own = light_in(picture, grid);
@@ -191,7 +191,7 @@ fn compared(lights: &[Vec<f64>], picture: &Picture, grid: UVec2) -> Option<Missi
     let bound = student(normal, f64::from(PICTURES - 1));
     let dark = (0..parts.len()).filter(|&i| parts[i].is_dark(bound));
     let darkest = dark.max_by(|&a, &b| parts[a].excess.total_cmp(&parts[b].excess))?;
-    // As of the whole, what is missing at least.
+    // A lower bound of the missing light, as for the whole.
     let square = |part: &Part| match part.is_dark(bound) {
         true => part.share().powi(2) as f32,
         false => 0.0,

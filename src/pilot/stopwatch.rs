@@ -18,7 +18,7 @@ impl Stopwatch {
         }
     }
 
-    /// Seconds of wall time, and of CPU time over all threads, ended ones too; wall time where the system does not tell.
+    /// Seconds of wall time, and of CPU time of all threads, past ones too; wall time if there is no CPU clock.
     pub fn seconds(&self) -> (f64, f64) {
         let wall = self.wall.elapsed().as_secs_f64();
         let cpu = self.cpu.and_then(|cpu| cpu.try_elapsed().ok());
@@ -30,8 +30,8 @@ impl Stopwatch {
 mod tests {
     use super::*;
 
-    /// The scheduler's own figures in `/proc` are zero on kernels that do not keep them; this clock always runs. No
-    /// length of time is asked for: the loop ends when the clock has moved.
+    /// The scheduler's own figures in `/proc` are zero on kernels that do not keep them; this clock always runs. The
+    /// loop ends when the clock has moved, so that no length of time is assumed.
     #[test]
     fn stopwatch_measures_wall_and_cpu_time() {
         let watch = Stopwatch::start();

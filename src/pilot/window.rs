@@ -1,12 +1,12 @@
-//! The small picture of a pilot.
+//! The window of a pilot's small picture.
 
 use crate::image::film::Window;
 use crate::math::UVec2;
 
-/// Edge in pixels of the tiles that bias is measured on.
+/// Factor in pixels of the sides of a pilot's window.
 pub(crate) const TILE: u32 = 4;
 
-/// Size of the pilot's whole picture, and its window of about `pixels` pixels: whole tiles.
+/// Size of the pilot's full frame, and its window of about `pixels` pixels, with sides that are multiples of [`TILE`].
 pub(crate) fn pilot_window(frame: UVec2, window: Window, pixels: f32) -> (UVec2, Window) {
     let scale = (pixels / window.len().max(1) as f32).sqrt();
     let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;
@@ -17,7 +17,7 @@ pub(crate) fn pilot_window(frame: UVec2, window: Window, pixels: f32) -> (UVec2,
         w: side(window.w),
         h: side(window.h),
     };
-    // A window of the whole frame stays one.
+    // A window that ends at the frame's edge still does.
     let edge = |frame: u32, from: u32, length: u32, end: u32| {
         if from + length == frame {
             end
@@ -69,7 +69,7 @@ mod tests {
                 "{window:?}: {pilot:?} of {size}"
             );
             assert!(pilot.w % TILE == 0 && pilot.h % TILE == 0);
-            // Edges are where they were, to a tile.
+            // Edges keep their places to within two tiles.
             for (a, b, outer, inner) in [
                 (window.x, window.w, frame.x, (pilot.x, pilot.w, size.x)),
                 (window.y, window.h, frame.y, (pilot.y, pilot.h, size.y)),

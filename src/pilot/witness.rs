@@ -1,12 +1,12 @@
-//! A few roughened paths beside a picture, as a witness of light that the picture's integrator has missed.
+//! A few roughened paths as a witness: they reveal light that a picture's integrator has missed.
 //!
-//! The noise of an estimator does not show light that it has missed. Roughened paths meet the light of
-//! caustics and of lamps behind glass soon, at nearly the right energy but not quite at the right place. So the witness speaks where the
-//! whole picture is darker than its own by more than both noises and what roughening changes, and where some part of it is darker
-//! by more than the darkest of all parts is by chance. One bright sample is one standard error: twenty are needed.
+//! The noise of an estimator does not show light that it has missed. Roughened paths soon find the light of caustics
+//! and of lamps behind glass, with nearly the right energy but not quite at the right place. A picture misses light if
+//! it is darker than the witness's by more than both noises and the change by roughening, and if a part of it is darker
+//! by more than chance makes the darkest of all parts. One bright sample is one standard error: twenty are needed.
 //!
-//! Its samples have random numbers of their own and depend on seed and pixel alone, their number on that of the picture's: what
-//! it says of a picture is the same however the render was cut, and no pixel changes.
+//! Its samples have separate random numbers that depend on seed and pixel only; their number depends on the picture's.
+//! So its result is the same however the render was divided, and it changes no pixel.
 
 use super::{advise, photons};
 use crate::image::exr::Metadata;
@@ -23,50 +23,50 @@ use std::fmt;
 /// Share of the render's time that a witness takes.
 pub(super) const SHARE: f64 = 0.04;
 
-/// Fewest samples of a witness, over all pixels, and most of a pixel.
+/// Fewest samples of a witness over all pixels, and most samples per pixel.
 const SAMPLES: (usize, u32) = (1 << 14, 64);
 
 /// Factor that all paths are roughened by.
 const GAMMA: f32 = 0.3;
 
-/// Samples of the witness that a tile holds at least; fewest pixels a side.
+/// Fewest samples of the witness in a tile; fewest pixels of a tile's side.
 const TILE: (u32, u32) = (1024, 8);
 
 /// Probability that chance alone raises one of the tiles of a picture above the bound.
 const CHANCE: f64 = 1e-3;
 
-/// Share of the light by which the picture must be darker beyond noise, which roughening does not change, and of a part.
+/// Least missing share of the light: of the whole beyond noise, which roughening changes by less; and of a part.
 pub(super) const LEAST: (f64, f64) = (0.01, 0.1);
 
-/// Light that a picture lacks.
+/// Light that is missing in a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Missing {
-    /// Share of the light that is missing at least.
+    /// Lower bound of the missing share of the light.
     pub share: f64,
-    /// Pixel of the frame around which most is missing.
+    /// Pixel of the frame around which most light is missing.
     pub pixel: UVec2,
-    /// The integrator that finds it; `path` for that with levels.
+    /// The integrator that finds it; `path` stands for path tracing with levels.
     pub finder: IntegratorKind,
-    /// Squared darkness over the squared light of every pixel of the window, for its error: 0 where nothing is missing.
+    /// Squared missing share of the light of every pixel of the window; 0 where nothing is missing.
     pub squares: Vec<f32>,
 }
 
 impl Missing {
-    /// Expected errors of pixels, with what is missing.
+    /// Expected errors of pixels with the missing light added, at most 1.
     pub(crate) fn beside(&self, mut errors: Vec<f32>) -> Vec<f32> {
         let pairs = errors.iter_mut().zip(&self.squares);
         pairs.for_each(|(error, square)| *error = (*error + square.sqrt()).min(1.0));
         errors
     }
 
-    /// Says so in the metadata of a picture.
+    /// Adds the share to the metadata of a picture.
     pub(crate) fn note(&self, metadata: &mut Metadata) {
         metadata.insert("light_missing".into(), format!("{:.3}", self.share));
     }
 }
 
 impl fmt::Display for Missing {
-    /// The share, the place and what helps.
+    /// The share, the place, and an option that finds the light.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let UVec2 { x, y } = self.pixel;
         let percent = 100.0 * self.share;
@@ -82,11 +82,11 @@ impl fmt::Display for Missing {
     }
 }
 
-/// Samples per pixel of the witness of a render with this number of samples; 0 where it finds nothing: for several levels,
-/// whose roughest is no better, for roughened paths, for scenes without anything glossy, and for renders that are too short.
+/// Samples per pixel of a render's witness. 0 if there is none: for roughened paths and levels, the roughest of which
+/// finds as much; for scenes without glossy lobes or with glossy media; and for short renders.
 fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
     let roughened = settings.rule != Rule::Plain;
-    // Roughened phase functions do not keep the light of a picture.
+    // Roughened phase functions change a picture's light.
     let uneven = (view.scene.media()).is_some_and(Media::has_lobes);
     if roughened || uneven || settings.strategy.is_some() || !view.scene.features().lobes {
         return 0;
@@ -100,10 +100,10 @@ fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
     count
 }
 
-/// A part of the witness's picture beside that of the render.
+/// Comparison of a part of the witness's picture with the render's.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Part {
-    /// Sum of the light of the witness, and of what it has more than the picture.
+    /// Sum of the witness's light, and of its excess over the picture.
     pub(super) light: f64,
     pub(super) excess: f64,
     /// Variance of the excess.
@@ -117,31 +117,31 @@ impl Part {
         self.variance += other.variance;
     }
 
-    /// Share of the light by which the picture is darker beyond two standard errors.
+    /// Missing share of the light beyond two standard errors.
     pub(super) fn share(&self) -> f64 {
         (self.excess - 2.0 * self.variance.sqrt()) / self.light
     }
 
-    /// True if the picture is darker by more than this number of standard errors, and by more than a part must be.
+    /// True if light is missing by more than this number of standard errors and by the least share of a part.
     pub(super) fn is_dark(&self, bound: f64) -> bool {
         let errors = self.excess / self.variance.sqrt().max(f64::MIN_POSITIVE);
         errors > bound && self.excess > LEAST.1 * self.light
     }
 }
 
-/// A part of a grid and those around it: what is roughened, or merged, spreads.
+/// A part of a grid and its neighbours, because roughening and merging spread light.
 pub(super) fn around(i: usize, columns: usize, rows: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (i % columns, i / columns);
     let row = move |y| (x.saturating_sub(1)..(x + 2).min(columns)).map(move |x| y * columns + x);
     (y.saturating_sub(1)..(y + 2).min(rows)).flat_map(row)
 }
 
-/// A bound on the normal quantile that chance exceeds in one of `parts` parts with this probability.
+/// Upper bound of the normal quantile that one of `parts` parts exceeds by chance with this probability.
 pub(super) fn normal_bound(parts: usize, chance: f64) -> f64 {
     (2.0 * (parts as f64 / chance).ln()).sqrt()
 }
 
-/// Looks for light that a render of a view misses after this number of samples.
+/// Looks for light that a render of a view misses after this number of samples per pixel.
 pub fn missing_light(
     view: &View<'_>,
     settings: &Settings,
@@ -169,7 +169,7 @@ pub fn missing_light(
         advised
             if std::mem::discriminant(&advised) == std::mem::discriminant(&settings.estimator) =>
         {
-            // What should have found it needs a table, or time.
+            // The advised estimator is in use already, and needs a table or more time.
             IntegratorKind::Path
         }
         _ => kind,
@@ -177,7 +177,7 @@ pub fn missing_light(
     Some(Missing { finder, ..found })
 }
 
-/// The light that a film misses, by a witness with this number of samples per pixel.
+/// The light that a film misses, given a witness with this number of samples per pixel.
 fn compared(witness: &Film, film: &Film, samples: u32) -> Option<Missing> {
     let window = film.window;
     let edge = (f64::from(TILE.0) / f64::from(samples)).sqrt().ceil() as u32;
@@ -220,7 +220,7 @@ fn compared(witness: &Film, film: &Film, samples: u32) -> Option<Missing> {
     })
 }
 
-/// Squared error of the mean of a pixel, the channels added up: those of one path rise and fall together.
+/// Squared error of the sum of a pixel's channels, which are correlated as they share paths.
 pub(super) fn squared_error(moments: &Moments) -> f64 {
     let variance = match moments.n {
         0 | 1 => moments.mean * moments.mean,
@@ -230,7 +230,7 @@ pub(super) fn squared_error(moments: &Moments) -> f64 {
     error * error
 }
 
-/// A tile of a witness beside that of a film.
+/// Compares a tile of a witness with that of a film.
 fn part(witness: &Film, film: &Film, tile: &Window) -> Part {
     let mut part = Part::default();
     for i in super::window::inside(tile, &film.window) {

@@ -46,7 +46,7 @@ fn pilot_weighs_noise_and_cost() {
 
 #[test]
 fn pilot_counts_missing_light() {
-    // A path tracer that is dark for want of light has no noise and the largest error.
+    // A path tracer that finds no light is black: it has no noise, and the largest error.
     let drafts = [draft(Path, 1.0, 0.0, 0.0), draft(Vcm, 8.0, 1.0, 0.5)];
     for (punctual, missed) in [(POINT, 0.9), (AREA, -0.1)] {
         let found = trials(&drafts, 1600.0, punctual);
@@ -54,18 +54,18 @@ fn pilot_counts_missing_light() {
         assert!(found[0].missed > missed);
         assert_eq!(best(&found, 0), Some(1));
     }
-    // Light that can be found is found in time; light that cannot is not.
+    // With enough time, light with area is found, and point light is not.
     let long = |punctual| trials(&drafts, 1e7, punctual)[0].error;
     assert!(long(AREA) < 0.1 && long(POINT) > 0.7);
-    // A picture that lacks light is no bargain.
+    // A contender that misses light is not taken, however low its noise.
     let drafts = [draft(Path, 1.0, 0.7, 1e-3), draft(Vcm, 8.0, 1.0, 10.0)];
     let found = trials(&drafts, 16.0, POINT);
     assert!(found[0].missed > 0.01);
     assert_eq!(best(&found, 0), Some(1));
 }
 
-/// A picture that has met few of its bright samples looks free of noise. More strategies have no more variance, and the
-/// scene needs them.
+/// A picture with few of its bright samples looks free of noise. Contenders with more strategies have no more variance
+/// and are advised.
 #[test]
 fn pilot_knows_whose_strategies_are_part_of_others() {
     let drafts = [
@@ -80,13 +80,13 @@ fn pilot_knows_whose_strategies_are_part_of_others() {
         let of_sample = trial.error.powi(2) * trial.samples * 1.01;
         assert!((of_sample - 1.2).abs() < 1e-9, "{trial:?}");
     }
-    // Roughened paths have less, which is no proof that they have met everything.
+    // Roughened paths have less variance, which does not prove that they find all light.
     assert!(found[4].error < 0.2 * found[2].error);
     assert_eq!(best(&found, 2), Some(2));
     assert_eq!(best(&found, 0), Some(4));
 }
 
-/// Ten bright samples, in whichever contender, never speak for one of fewer strategies.
+/// Ten bright samples of any contender never decide for one with fewer strategies.
 #[test]
 fn no_ten_fireflies_decide() {
     for kind in [Path, Bdpt, Vcm] {
@@ -106,7 +106,7 @@ fn no_ten_fireflies_decide() {
     }
 }
 
-/// The bright sample of one contender must not make its own pixel look bright, and its error small.
+/// A bright sample of one contender must not raise the pixel's radiance and so lower its own error.
 #[test]
 fn pilot_takes_the_radiance_that_most_contenders_show() {
     let mut bright = draft(Path, 1.0, 1.0, 1.0);

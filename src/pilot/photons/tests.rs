@@ -8,7 +8,7 @@ fn numbers(seed: u64) -> impl FnMut() -> f64 {
     move || f64::from(stream.next_1d())
 }
 
-/// A picture of 40 x 30 pixels with an even light and little noise, of which a part in the upper left corner is missing.
+/// A picture of 40 x 30 pixels with even light and little noise; a part of it in the upper left corner is missing.
 fn picture(missing: f32) -> Picture {
     let frame = UVec2::new(40, 30);
     let mut film = Film::new(frame);
@@ -60,7 +60,7 @@ fn means_over_regions_count_every_pixel_once() {
     assert_eq!(columns, [0.5, 2.5, 4.5, 6.5].repeat(3));
 }
 
-/// Table values at 15 degrees of freedom.
+/// Table values for 15 degrees of freedom.
 #[test]
 fn student_quantiles_are_those_of_tables() {
     for (z, t) in [(1.959_964, 2.131), (3.090_232, 3.733), (3.719_016, 4.880)] {
@@ -80,7 +80,7 @@ fn light_that_small_pictures_have_and_a_picture_misses_is_found() {
         assert!((0.08..0.22).contains(&found.share), "{seed}: {found}");
         let pixel = found.pixel;
         assert!(pixel.x < 20 && pixel.y < 20, "{seed}: {found}");
-        // Beside the first pixel much is missing, beside that of the last row less.
+        // Much light is missing around the first pixel, less around the first of the last row.
         let [first, last_row] = [found.squares[0], found.squares[29 * 40]];
         assert!(first > 0.2 && first > 2.0 * last_row, "{first}, {last_row}");
         assert_eq!(found.squares.last(), Some(&0.0), "{seed}");
@@ -98,7 +98,7 @@ fn one_bright_picture_is_no_proof() {
     }
 }
 
-/// Levels that a region has light at are those that a choice takes.
+/// A region's light counts at its brightest level, which a choice takes.
 #[test]
 fn light_of_the_best_level_counts() {
     use crate::image::level_film::{FEATURES, LevelFilm, PathLevels};
@@ -121,7 +121,7 @@ fn light_of_the_best_level_counts() {
     assert_eq!(compared(&lights(0), &dark, UVec2::new(4, 3)), None);
 }
 
-/// Pictures of one sample in rare hits are as noisy as they are bright: no proof, even where most pixels are black.
+/// Pictures of one sample with rare hits are as noisy as they are bright: no evidence, even if most pixels are black.
 #[test]
 fn one_sample_is_no_proof() {
     let mut film = Film::new(UVec2::new(40, 30));

@@ -3,7 +3,7 @@ use crate::math::{Rgb, Vec3};
 use crate::sampler::{Independent, SampleSource, Sampler};
 use crate::scene::procedural::{materials, shapes};
 
-/// A film of 64 × 64 pixels whose light comes in hits, beside which an even light shines.
+/// A film of 64 × 64 pixels with light in rare hits on top of an even light.
 fn film(seed: u64, samples: u32, light: impl Fn(usize) -> (f32, f32)) -> Film {
     let mut film = Film::new(UVec2::splat(64));
     let source = Independent { seed: Seed(seed) };
@@ -19,7 +19,7 @@ fn film(seed: u64, samples: u32, light: impl Fn(usize) -> (f32, f32)) -> Film {
     film
 }
 
-/// Roughened phase functions change the light of a picture, so that nothing could be said of it.
+/// Roughened phase functions change the light of a picture, so that a witness would prove nothing.
 #[test]
 fn fog_that_scatters_unevenly_has_no_witness() {
     for (mean_cosine, expected) in [(0.0, true), (-0.9, false)] {
