@@ -1,4 +1,4 @@
-//! Refusals and failures of a render, with options by the names that its user gave them.
+//! Errors of a render. Messages name options as the user gave them.
 
 use super::spec::Opt;
 use crate::files::FileError;
@@ -6,47 +6,47 @@ use crate::image::denoise::DenoiseError;
 use crate::memory::Shortage;
 use std::fmt;
 
-/// Names of options in messages.
+/// Style in which messages name options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Names {
     /// `--opsr-table`.
     Flags,
-    /// `table`, as keywords of Python and keys of a suite are.
+    /// `table`, as in Python keywords and suite keys.
     Keys,
 }
 
-/// The party at fault.
+/// Source of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// The options.
+    /// Invalid options.
     Usage,
-    /// A file that is read.
+    /// An input file.
     Input,
-    /// A place to write to.
+    /// An output file.
     Output,
     /// Too little memory.
     Memory,
 }
 
-/// A render that cannot be, or went wrong. In texts, `{name}` stands for the option of that name.
+/// An error before or during a render. In texts, `{name}` stands for the option of that name.
 #[derive(Debug)]
 pub enum Fault {
-    /// An option that cannot be, alone or beside others.
+    /// An option that is invalid, alone or in combination.
     Option {
-        /// Its name.
+        /// Name of the option.
         name: &'static str,
         /// The reason.
         why: String,
     },
-    /// Options that cannot be.
+    /// An invalid combination of options.
     Usage(String),
-    /// A file.
+    /// A file that cannot be read or written, or has invalid content.
     File(FileError),
-    /// An input that is no file, or of a file with more to say.
+    /// An input that is not a file, or a file with a further explanation.
     Input(String),
-    /// A place that cannot be written to.
+    /// An output that cannot be written.
     Output(String),
-    /// Too little memory, and what would take less.
+    /// Too little memory, and a hint at what would need less.
     Memory(Shortage, &'static str),
 }
 
@@ -62,7 +62,7 @@ impl Fault {
         Self::Usage(what.to_string())
     }
 
-    /// The party at fault.
+    /// The source of the fault.
     pub fn cause(&self) -> Cause {
         match self {
             Self::Option { .. } | Self::Usage(_) => Cause::Usage,
@@ -74,7 +74,7 @@ impl Fault {
         }
     }
 
-    /// The reason alone, of a fault of an option, with options by these names.
+    /// For an option's fault the reason without the option's name, else the message; with options in this style.
     pub fn reason(&self, names: Names) -> String {
         match self {
             Self::Option { why, .. } => spelt(why, names),
@@ -82,11 +82,11 @@ impl Fault {
         }
     }
 
-    /// The message with options by these names.
+    /// The message, with options in this style.
     pub fn message(&self, names: Names) -> String {
         match self {
             Self::Option { name, why } => match names {
-                // A suite and Python name their argument first.
+                // Suites and Python give the argument's name first.
                 Names::Keys => format!("{name}: {}", spelt(why, names)),
                 Names::Flags => format!(
                     "{}: {}",

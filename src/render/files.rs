@@ -1,5 +1,4 @@
-//! The files of a picture: formats, layers, exposure; and the checks that they can be written and replace nothing that is
-//! read.
+//! The files of a picture: formats, layers, exposure. Checks that they can be written and do not replace an input.
 
 use super::fault::Fault;
 use super::finished::Finished;
@@ -21,14 +20,14 @@ use std::time::SystemTime;
 /// The files that a picture is written to.
 pub struct Outputs {
     files: Vec<PathBuf>,
-    /// Version of each file when it was checked or written last.
+    /// Version of each file at its last check or write.
     versions: Mutex<Vec<Option<Version>>>,
 }
 
-/// Time of the last change of a file, and its length.
+/// Modification time and length of a file in bytes.
 type Version = (SystemTime, u64);
 
-/// The version of a file that is there.
+/// The version of an existing file.
 fn version(file: &Path) -> Option<Version> {
     let metadata = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
     Some((metadata.modified().ok()?, metadata.len()))
@@ -41,7 +40,7 @@ pub(super) enum Format {
     Png,
 }
 
-/// The format that a name ends in, in capitals or not.
+/// The format by the ending of a name, in any case of letters.
 pub(super) fn format(file: &Path) -> Result<Format, Fault> {
     let ending = file
         .extension()
@@ -58,7 +57,7 @@ pub(super) fn format(file: &Path) -> Result<Format, Fault> {
 }
 
 impl Spec {
-    /// The picture to look at while it is made.
+    /// The picture to display during a render.
     pub fn shown(&self, picture: &Picture) -> Buffer {
         match &picture.levels {
             Some(film) => resolve_film(film, self.resolve()).picture,
@@ -66,14 +65,14 @@ impl Spec {
         }
     }
 
-    /// The denoiser, where it is asked for; fails where it is not installed.
+    /// The denoiser, if the options request it; an error if it is not installed.
     pub fn denoiser(&self) -> Result<Option<Denoiser>, Fault> {
         let denoiser = (self.denoise == Some(true)).then(Denoiser::open);
         Ok(denoiser.transpose()?)
     }
 
-    /// Exposure and view. Automatic exposure never brightens a picture of the built-in studio, which has the right brightness: what
-    /// is dark in it stays dark.
+    /// Exposure and view. Automatic exposure never brightens a picture in the built-in studio, whose light already has
+    /// the right brightness: dark objects stay dark.
     pub fn display(&self, picture: &Buffer, in_studio: bool) -> Display {
         let most = match in_studio || self.backdrop() == Backdrop::Studio {
             true => 0.0,
@@ -87,7 +86,7 @@ impl Spec {
         Display { exposure, view }
     }
 
-    /// Refuses choices among levels for a film of one.
+    /// An error for options that do not apply to a stored film, or need more levels than it has.
     pub(crate) fn check_film(&self, picture: &Picture) -> Result<(), Fault> {
         let one = picture.levels.is_none();
         if self.is_raw() {
@@ -111,7 +110,7 @@ impl Spec {
         }
     }
 
-    /// Refuses layers that no file would hold, and choices of files that are not written.
+    /// An error for layers without an EXR file, and for options of file formats that are not written.
     pub fn check_layers(&self, files: &[PathBuf]) -> Result<(), Fault> {
         let has = |wanted| {
             files
@@ -151,19 +150,19 @@ impl Outputs {
         })
     }
 
-    /// The files, for people.
+    /// The file names, for messages.
     pub fn names(&self) -> String {
         let names = self.files.iter().map(|file| file.display().to_string());
         names.collect::<Vec<_>>().join(", ")
     }
 
-    /// True if a PNG file is among them, which has an exposure.
+    /// True if a PNG file is among them, so that the exposure matters.
     pub fn has_png(&self) -> bool {
         let is_png = |file: &PathBuf| format(file).is_ok_and(|f| f == Format::Png);
         self.files.iter().any(is_png)
     }
 
-    /// The files that another program has made or changed since they were checked or written.
+    /// The files that another program has made or changed since the last check or write.
     pub fn changed(&self) -> Vec<PathBuf> {
         let versions = self.versions.lock().unwrap_or_else(|e| e.into_inner());
         let pairs = self.files.iter().zip(versions.iter());
@@ -180,14 +179,14 @@ impl Outputs {
             saved
         };
         let failures = self.files.iter().zip(versions.iter_mut()).map(save);
-        // All of them, not those up to the first failure.
+        // Collected before the first failure is returned, so that every file is written.
         let failures: Vec<_> = failures.filter_map(Result::err).collect();
         failures.into_iter().next().map_or(Ok(()), Err)
     }
 }
 
-/// Fails if a file cannot be made or replaced here, without touching it: better known before
-/// a long render than after.
+/// An error if a file cannot be made or replaced here, without touching it, so that a long render does not fail at its
+/// end.
 pub fn can_write(file: &Path) -> Result<(), Fault> {
     let cannot = |what: &str| Err(Fault::Output(format!("{}: {what}", file.display())));
     if file.is_dir() {
@@ -196,7 +195,7 @@ pub fn can_write(file: &Path) -> Result<(), Fault> {
     let target = match Target::of(file) {
         Ok(Target::Stream) => return Ok(()),
         Ok(Target::Whole(file)) => file,
-        // What is wrong with it is said below.
+        // The checks below report the problem.
         Err(_) => file.to_owned(),
     };
     let folder = match target.parent() {
@@ -210,14 +209,14 @@ pub fn can_write(file: &Path) -> Result<(), Fault> {
         };
         return Err(Fault::Output(format!("{}: {what}", folder.display())));
     }
-    // A file without a name, where there are such: nothing is left of it.
+    // An unnamed temporary file, where the system has them, leaves no trace.
     match tempfile::tempfile_in(folder) {
         Ok(_) => Ok(()),
         Err(error) => Err(Fault::Output(format!("{}: {error}", target.display()))),
     }
 }
 
-/// Refuses outputs of which two are one file, or one is a file that is read.
+/// An error if two outputs are one file, or an output is also an input.
 pub fn check_distinct<'a>(
     outputs: impl IntoIterator<Item = &'a Path>,
     inputs: impl IntoIterator<Item = &'a Path>,
@@ -243,7 +242,7 @@ pub fn check_distinct<'a>(
     Ok(())
 }
 
-/// The file that a path leads to, whether it exists or not; `None` for pipes and devices.
+/// The file that a path names, whether it exists or not; `None` for pipes and devices.
 fn identity(path: &Path) -> Option<PathBuf> {
     if let Ok(file) = path.canonicalize() {
         return file.is_file().then_some(file);

@@ -1,8 +1,8 @@
-//! The end of a render: the picture as its user gets it, its stated error, and the layers and text of its files.
+//! The end of a render: the picture for the user, its stated error, and the layers and metadata of its files.
 //!
-//! An [`Outcome`] is what a render leaves. [`Shown`] is the picture that is made of it by the choice among levels and blurs and by the
-//! denoiser. [`Finished`] has both, and writes files.
-//! The program, the library, Python, the viewer, merged parts and benches end here.
+//! An [`Outcome`] has the films of a render. [`Shown`] is the picture after the choice among levels and blurs and after
+//! denoising. [`Finished`] has both, and writes files. The program, the library, Python, the viewer, merged parts and
+//! benches use this module.
 
 use super::fault::Fault;
 use super::files::{Format, format};
@@ -24,30 +24,30 @@ use crate::resolve::{
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Key of the average error in the text of EXR files.
+/// Metadata key of the average error in EXR files.
 pub const STATED: &str = "mean_relative_error";
 
-/// A picture as it is shown.
+/// A picture after the choice among levels, blurs and denoising.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shown {
     /// Linear radiance, Rec. 709 primaries.
     pub picture: Buffer,
-    /// The picture before it was denoised.
+    /// The picture before denoising; `None` if it was not denoised.
     pub noisy: Option<Buffer>,
-    /// The choice among levels and blurs, of films that have batches. Its error is that of the picture.
+    /// The choice among levels and blurs, for films in batches. Its error is that of `picture`.
     pub resolved: Option<Resolved>,
 }
 
 impl Shown {
     /// Chooses among the levels and blurs of a picture, and denoises it where a denoiser is given.
     ///
-    /// The denoiser's picture is mixed with the choice by samples that it has not seen, unless the raw samples are asked for. Fails
-    /// where the denoiser does, or lacks albedo and normal.
+    /// The denoised picture is blended with the resolved one by samples that the denoiser did not get, unless `resolve`
+    /// is `Resolve::None`. Fails if the denoiser fails or albedo and normal are missing.
     pub fn of(picture: &Picture, spec: &Spec, denoiser: Option<&Denoiser>) -> Result<Self, Fault> {
         Self::made(&mut Cow::Borrowed(picture), spec, denoiser)
     }
 
-    /// The same. A picture that is owned loses levels and AOVs, unless its files have all levels, before the denoiser takes its memory.
+    /// [`Self::of`], but an owned picture drops levels and AOVs before denoising, unless files need all levels.
     fn made(
         picture: &mut Cow<'_, Picture>,
         spec: &Spec,
@@ -78,7 +78,7 @@ impl Shown {
             picture => picture.levels.as_ref().map(Cow::Borrowed),
         };
         let clean = |noisy: &Buffer| {
-            // The network invents light in a black picture.
+            // The network adds light to a black picture.
             if noisy.pixels.iter().all(|p| *p == Rgb::ZERO) {
                 return Ok(noisy.clone());
             }
@@ -101,8 +101,8 @@ impl Shown {
         })
     }
 
-    /// Expected relative error of every pixel, with the light that a witness found missing. `None` where there are too few
-    /// samples to tell. Denoised means of samples state the error before they were denoised.
+    /// Expected relative error of every pixel, including the light that a witness found missing. `None` with too few
+    /// samples. For denoised means of samples it is the error before denoising.
     pub fn errors(&self, film: &Film, missing: Option<&Missing>) -> Option<Vec<f32>> {
         let own = match &self.resolved {
             Some(resolved) => resolved.is_known().then(|| resolved.error()),
@@ -114,8 +114,8 @@ impl Shown {
         }
     }
 
-    /// Stated error of the picture, with the light that a witness found missing; its mean is that of
-    /// [`errors`](Self::errors). Denoised means of samples state the error before they were denoised.
+    /// Stated error of the picture, including the light that a witness found missing; its mean is that of
+    /// [`errors`](Self::errors). For denoised means of samples it is the error before denoising.
     pub fn statement(&self, film: &Film, missing: Option<&Missing>) -> Statement {
         let own = match &self.resolved {
             Some(resolved) => resolved.statement(),
@@ -125,22 +125,22 @@ impl Shown {
     }
 }
 
-/// A render at its end, or so far, before its picture is chosen and denoised.
+/// A finished or partial render, before its picture is chosen and denoised.
 #[derive(Clone)]
 pub struct Outcome<'a> {
     /// Films and AOVs.
     pub picture: Cow<'a, Picture>,
-    /// Light that a witness found and the picture lacks.
+    /// Light that a witness found missing in the picture.
     pub missing: Option<Missing>,
-    /// The layers that were asked for.
+    /// The requested layers.
     pub aovs: Vec<Layer>,
-    /// Text of EXR files.
+    /// Metadata of EXR files.
     pub metadata: Metadata,
-    /// World to camera; `None` where it is not known.
+    /// World-to-camera matrix; `None` if unknown.
     pub world_to_camera: Option<[f32; 16]>,
-    /// Options of the choice and of files.
+    /// Options of the choice among levels and of files.
     pub spec: Spec,
-    /// True if the built-in studio lights the scene: automatic exposure then never brightens.
+    /// True if the built-in studio lights the scene, where automatic exposure never brightens.
     pub in_studio: bool,
 }
 
@@ -167,8 +167,8 @@ impl<'a> Outcome<'a> {
         }
     }
 
-    /// The outcome of a render whose scene is not here: merged parts, or a checkpoint. `metadata` is the text of that render, in
-    /// which options of the film in `spec` replace those that it had. Fails for options that its film does not have.
+    /// The outcome of a render without its scene: merged parts, or a checkpoint. `metadata` is that of the render;
+    /// options of the film in `spec` replace those in it. Fails for options that do not apply to the film.
     pub fn of_film(
         spec: &Spec,
         picture: Picture,
@@ -197,7 +197,7 @@ impl<'a> Outcome<'a> {
         })
     }
 
-    /// Makes the picture. Fails where the denoiser does.
+    /// Makes the picture. Fails if the denoiser fails.
     pub fn finish(self, denoiser: Option<&Denoiser>) -> Result<Finished<'a>, Fault> {
         let shown = Shown::of(&self.picture, &self.spec, denoiser)?;
         Ok(Finished {
@@ -206,7 +206,7 @@ impl<'a> Outcome<'a> {
         })
     }
 
-    /// The same for files alone: of a picture that is owned and denoised the film and its number of levels stay, all that files need.
+    /// [`Self::finish`] for files only: an owned picture that is denoised keeps only its film and the number of levels.
     pub fn finish_files(mut self, denoiser: Option<&Denoiser>) -> Result<Finished<'a>, Fault> {
         let shown = Shown::made(&mut self.picture, &self.spec, denoiser)?;
         Ok(Finished {
@@ -219,7 +219,7 @@ impl<'a> Outcome<'a> {
 /// A finished render.
 #[derive(Clone)]
 pub struct Finished<'a> {
-    /// All that the render left.
+    /// Films, layers and metadata of the render.
     pub outcome: Outcome<'a>,
     /// The picture.
     pub shown: Shown,
@@ -235,15 +235,15 @@ impl Finished<'_> {
         (self.shown).statement(self.film(), self.outcome.missing.as_ref())
     }
 
-    /// Relative standard error of the mean of a picture of one level, which no blur changes.
+    /// Relative standard error of the mean of a picture of one level, which blurs do not change.
     pub fn mean_error(&self) -> Option<f64> {
         let levels = self.outcome.picture.levels.as_ref();
         let one = levels.is_none_or(|film| film.levels() == 1);
         one.then(|| self.film().relative_mean_error()).flatten()
     }
 
-    /// Channels of an EXR file beside the picture: layers that were asked for, the picture before it was denoised, the choice of
-    /// every pixel with its bias, variance and error, and every level where that is asked for.
+    /// Channels of an EXR file beside the picture: requested layers, the picture before denoising, the choice of every
+    /// pixel with its bias, variance and error, and every level if requested.
     fn channels(&self) -> Vec<Plane<'_>> {
         let aovs = self.outcome.aovs.iter();
         let mut channels: Vec<_> = aovs.flat_map(Layer::channels).collect();
@@ -276,7 +276,7 @@ impl Finished<'_> {
         spec.display(&self.shown.picture, *in_studio)
     }
 
-    /// Text of EXR files, with the stated error.
+    /// Metadata of EXR files, with the stated error.
     pub fn metadata(&self) -> Metadata {
         let mut metadata = self.outcome.metadata.clone();
         let stated = self.statement().mean;
@@ -286,7 +286,7 @@ impl Finished<'_> {
         metadata
     }
 
-    /// Writes an EXR file with all layers, or a PNG file, whole or not at all; the ending of the name says which.
+    /// Writes an EXR file with all layers, or a PNG file, by the ending of the name; whole or not at all.
     ///
     /// An EXR file of a picture that is the mean of its samples also has the statistics of the samples.
     pub fn save(&self, file: impl AsRef<Path>) -> Result<(), Fault> {

@@ -1,4 +1,4 @@
-//! A camera of one's own: the numbers that a viewer copies, and the small file that it saves.
+//! A camera given by the user: numbers that the viewer copies, and the small file that it saves.
 
 use super::value::{Field, NameOrNumber, Range};
 use crate::files::{self, FileError};
@@ -9,19 +9,19 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Longest file of a camera.
+/// Longest camera file in bytes.
 const MAX_BYTES: u64 = 1 << 16;
 
-/// A camera by what a person moves: where it stands and what it looks at, in world space and units of the scene. The
-/// same numbers always make the same [`Camera`], bit for bit.
+/// A camera by position and target, in world space and units of the scene. The same numbers always give the same
+/// [`Camera`], bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Look {
     /// Position of the camera.
     pub position: [f32; 3],
-    /// Point that it looks at and turns around.
+    /// Point that the camera looks at and orbits.
     pub target: [f32; 3],
-    /// Direction that is up in the picture, not along the view.
+    /// Up direction of the picture, not parallel to the view.
     pub up: [f32; 3],
     /// Vertical field of view in degrees, between 0 and 180; `None` for parallel rays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -32,19 +32,19 @@ pub struct Look {
     /// Width over height of the picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aspect: Option<f32>,
-    /// Way from the view axis to the centre of the picture, to the right and up, in halves of the picture's height.
+    /// Offset of the picture's centre from the view axis, to the right and up, in half heights of the picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shift: Option<[f32; 2]>,
     /// Radius of the lens.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aperture: Option<f32>,
-    /// Distance in focus, along the view.
+    /// Focus distance along the view direction, in units of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focus: Option<f32>,
 }
 
 impl Look {
-    /// The look of a camera that turns around the point at `distance` in its view.
+    /// The look of a camera that orbits the point at `distance` along its view.
     pub fn of(camera: &Camera, distance: f32) -> Self {
         let (fov, height) = match camera.projection {
             Projection::Perspective { tan_half_y } => {
@@ -65,7 +65,7 @@ impl Look {
         }
     }
 
-    /// The camera. Its name is its numbers.
+    /// The camera, named by its [text](Look::text).
     pub(crate) fn camera(&self) -> Result<Camera, String> {
         self.check()?;
         let [position, target, up] = [self.position, self.target, self.up].map(Vec3::from_array);
@@ -84,7 +84,7 @@ impl Look {
         Ok(camera)
     }
 
-    /// Position, target, up, field of view (after an `h` the height of parallel rays) and a shift, as `--camera` takes them.
+    /// Position, target, up, field of view (or `h` and a height for parallel rays) and shift, as `--camera` reads them.
     pub(crate) fn text(&self) -> String {
         let numbers = [self.position, self.target, self.up].concat();
         let mut words: Vec<String> = numbers.iter().map(f32::to_string).collect();
@@ -141,11 +141,11 @@ impl Look {
 
     /// The file that `Look::load` reads.
     pub fn file(&self) -> String {
-        // Numbers and no maps: nothing that could fail.
+        // A struct of numbers always serialises.
         serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
     }
 
-    /// An error for numbers that make no camera.
+    /// An error for numbers that give no valid camera.
     pub fn check(&self) -> Result<(), String> {
         let [position, target, up] = [self.position, self.target, self.up].map(Vec3::from_array);
         let along = (target - position).normalize_or_zero();
@@ -180,14 +180,14 @@ impl Look {
 pub enum CameraChoice {
     /// Name of a camera of the scene, or its number from 0.
     Named(String),
-    /// A file that a viewer saved.
+    /// A file that the viewer saved.
     File(PathBuf),
-    /// Numbers, or a file that was read.
+    /// Numbers, or the content of a file.
     Held(Box<Look>),
 }
 
 impl CameraChoice {
-    /// The look, of a choice that is one.
+    /// The look, unless the choice is a camera of the scene.
     pub(crate) fn look(&self) -> Result<Option<Look>, FileError> {
         match self {
             Self::Named(_) => Ok(None),
@@ -196,7 +196,7 @@ impl CameraChoice {
         }
     }
 
-    /// The file that is read.
+    /// The file to read, if any.
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::File(path) => Some(path),
@@ -215,7 +215,7 @@ impl Field for CameraChoice {
         if ending.is_some_and(|ending| ending.eq_ignore_ascii_case("json")) {
             return Ok(Self::File(text.into()));
         }
-        // A name with a comma may be that of a camera; numbers alone are a look with too few of them.
+        // Text with a comma may name a camera, but numbers alone are a look with a wrong count.
         let numbers = |text: &str| text.split(',').all(|x| x.trim().parse::<f32>().is_ok());
         match text.contains(',') && numbers(&text) {
             true => {

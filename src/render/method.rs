@@ -1,4 +1,4 @@
-//! Estimator and rule of a render, and which options go with which.
+//! Estimator and rule of a render, and valid combinations of options.
 
 use super::fault::Fault;
 use super::spec::{Heading, Opt, Spec};
@@ -13,13 +13,13 @@ use crate::regularise::{Accumulated, Factors, Rule};
 use crate::resolve::Resolve;
 use crate::sampler::SamplerKind;
 
-/// Options of a method that leave the integrator open.
+/// Options of a method that do not imply path tracing.
 const OF_EVERY_METHOD: [&str; 4] = ["integrator", "resolve", "max_vertices", "seed"];
 
-/// Table of the levels that [`IntegratorKind::Auto`] tries where none is given.
+/// Table for levels that [`IntegratorKind::Auto`] tries if none is given.
 const DEFAULT_TABLE: &str = "beta-0.001";
 
-/// A method whose table is read.
+/// A method with its table loaded.
 #[derive(Clone, Debug)]
 pub struct Method {
     /// The algorithm.
@@ -41,8 +41,8 @@ fn ensure(holds: bool, name: &'static str, why: &str) -> Result<(), Fault> {
 }
 
 impl Spec {
-    /// The algorithm: the one that is named; else path tracing where another option of the method is given, such as a table;
-    /// else the choice of a pilot.
+    /// The integrator: the given one; else path tracing if another option of the method is given, such as a table; else
+    /// the choice of a pilot.
     pub fn kind(&self) -> IntegratorKind {
         let names_paths = |(option, _): (&Opt, String)| {
             let of_method = matches!(option.heading, Heading::Method | Heading::Research);
@@ -55,12 +55,12 @@ impl Spec {
         self.integrator.unwrap_or_else(unnamed)
     }
 
-    /// True where a table or a factor roughens.
+    /// True if a table or a factor roughens paths.
     pub(crate) fn has_factors(&self) -> bool {
         self.table.is_some()
     }
 
-    /// Settings of the choice among films, where there are some.
+    /// Settings of the choice among levels and blurs.
     pub fn resolve(&self) -> Resolve {
         match self.resolve {
             Some(ResolveChoice::Film(resolve)) => resolve,
@@ -68,22 +68,22 @@ impl Spec {
         }
     }
 
-    /// True for a picture of the means of all samples, of which nothing else is kept.
+    /// True for the means of all samples, without levels or blurs.
     pub fn is_raw(&self) -> bool {
         self.resolve == Some(ResolveChoice::Raw)
     }
 
-    /// The layers that were asked for.
+    /// The requested layers.
     pub fn aovs(&self) -> &[Aov] {
         self.aov.as_ref().map_or(&[], |layers| &layers.0)
     }
 
-    /// Refuses options that cannot be together or do nothing, before any file is read.
+    /// An error for options that exclude each other or have no effect, before any file is read.
     pub fn check(&self) -> Result<(), Fault> {
         let kind = self.kind();
         for (option, value) in self.given_values() {
             let name = option.name;
-            // A program of one's own sets fields as it likes.
+            // Programs set fields without these checks.
             option
                 .check(&value)
                 .map_err(|what| Fault::option(name, what))?;
@@ -169,7 +169,7 @@ impl Spec {
         ensure(plain, "strategy", "a strategy is shown without {mode}")
     }
 
-    /// Refuses details of a table beside one factor.
+    /// An error for options of a table if one factor is given.
     fn check_table(&self) -> Result<(), Fault> {
         let has_classes = self.table.as_ref().is_none_or(TableChoice::has_classes);
         let why = "is of a table, not of one factor";
@@ -207,13 +207,13 @@ impl Spec {
         ensure(sky || self.sun.is_none(), "sun", "needs {env} sky")
     }
 
-    /// True if layers are asked for that add up to the picture as it is.
+    /// True if layers are requested that sum to the picture without blurs.
     pub(super) fn splits_light(&self) -> bool {
         let parts = [Aov::Emission, Aov::Direct, Aov::Indirect];
         parts.iter().any(|part| self.aovs().contains(part))
     }
 
-    /// Refuses what films in batches, or raw means, do not have.
+    /// An error for options that films in batches, or raw means, do not support.
     pub(super) fn check_resolved(&self, settings: &Settings) -> Result<(), Fault> {
         let levels = settings.amounts.has_batches();
         let wants = |aov: &Aov| self.aovs().contains(aov);
@@ -239,7 +239,7 @@ impl Spec {
         }
     }
 
-    /// The method; a table is read from its file.
+    /// The method, with the table loaded from its file.
     pub fn method(&self) -> Result<Method, FileError> {
         let (mut table_sha256, mut table_scenes) = (None, None);
         let accumulated = |factors| {
@@ -267,7 +267,7 @@ impl Spec {
                 table.lookup = self.lookup.unwrap_or(table.lookup);
                 accumulated(Factors::Table(table))
             }
-            // No table: one of a file was read above.
+            // Without a table; `load` above has read one given as a file.
             (_, None | Some(TableChoice::File(_))) => Rule::Plain,
         };
         Ok(Method {
@@ -301,7 +301,7 @@ impl Spec {
         }
     }
 
-    /// The settings with this method, of raw means.
+    /// The settings of this method for raw means.
     pub(crate) fn with(&self, method: &Method) -> Settings {
         let default = Settings::default();
         Settings {
@@ -315,9 +315,9 @@ impl Spec {
         }
     }
 
-    /// The renders among which [`IntegratorKind::Auto`] chooses, the plain path tracer first: the path tracer as asked for,
-    /// or with levels of the table that the program contains where nothing was, and every other integrator, without roughening.
-    /// So a table adds no error to them.
+    /// The candidates of [`IntegratorKind::Auto`], the plain path tracer first: then the path tracer with the given
+    /// options, or with levels of the built-in table if none are given, and other integrators without roughening. So a
+    /// table adds no error to those.
     pub(crate) fn contenders(&self) -> Vec<Self> {
         use IntegratorKind::{Bdpt, Path, Vcm};
         let plain = |kind: IntegratorKind| {
@@ -333,7 +333,7 @@ impl Spec {
                 table_scale: None,
                 lookup: None,
                 consistent: None,
-                // Those of the path tracer are not theirs.
+                // Levels are options of the path tracer.
                 levels: None,
                 ..self.clone()
             }

@@ -1,20 +1,20 @@
-//! A render: what its user chose, the checks of that against a scene, the run, and what comes out.
+//! A render: the user's options, their checks against a scene, the run, and its results.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `spec` | every option, declared once |
 //! | [`value`] | types of options |
-//! | `fault` | refusals and failures, with options by the user's names for them |
-//! | [`look`] | a camera of one's own, as numbers and as a file |
-//! | `method` | estimator and rule of a spec; which options go together |
+//! | `fault` | errors, with options named as the user gave them |
+//! | [`look`] | a camera given by the user, as numbers and as a file |
+//! | `method` | estimator and rule of a spec; valid combinations of options |
 //! | [`open`](mod@open) | the scene of a spec |
 //! | `request` | a spec checked against a scene: frame, camera, settings, pilot; [`run`] |
 //! | `output` | metadata, checkpoints and parts of a request |
 //! | `finished` | the end of a render: choice, denoiser, errors, layers |
 //! | [`files`] | the files of a picture |
 //!
-//! The command line, the Python package, benches and [`Render`](crate::Render) are made of this room: none of them has a list of
-//! options, or of what goes with what, of its own.
+//! The command line, the Python package, benches and [`Render`](crate::Render) use this module. None of them has its
+//! own list of options, or of their valid combinations.
 
 pub(crate) mod fault;
 pub mod files;

@@ -1,4 +1,4 @@
-//! The scene of a render: the glTF file and its surroundings.
+//! The scene of a render: its file and its surroundings.
 
 use super::fault::Fault;
 use super::spec::Spec;
@@ -28,15 +28,15 @@ pub struct Opened {
     pub animations: Vec<Animation>,
     /// Names of the variants of its materials.
     pub variants: Vec<String>,
-    /// True if the studio lights the scene, since nothing else does.
+    /// True if the built-in studio lights the scene, because nothing else does.
     pub in_studio: bool,
-    /// Light of the file's own surfaces beside the studio's, where it decided if the studio lights the scene.
+    /// Light of the file's own surfaces relative to the studio's, if it decided whether the studio lights the scene.
     pub lighting: Option<Lighting>,
 }
 
 impl Opened {
-    /// Moves the cameras to the moment of a spec with this scene and this light at another moment. False if that is not
-    /// enough: the animations move other things too.
+    /// Moves the cameras to the moment of a spec that differs from this scene's only in its moment. False if that is
+    /// not enough, because the animations move other objects too.
     pub fn at(&mut self, spec: &Spec, path: &Path, formats: Formats) -> Result<bool, Fault> {
         if self.animations.is_empty() {
             return Ok(true);
@@ -50,7 +50,7 @@ impl Opened {
         Ok(true)
     }
 
-    /// The light that was chosen for the scene, why, and the options that choose another; empty where nothing was in doubt.
+    /// Message on the light that was chosen, why, and options for another choice; empty if there was no choice.
     pub fn light_chosen(&self) -> String {
         let share = |light: &Lighting| 100.0 * light.share();
         match (&self.lighting, self.in_studio) {
@@ -71,13 +71,13 @@ impl Opened {
     }
 }
 
-/// Warnings of one kind that are printed in full; of more only their number.
+/// Number of warnings of one kind that are printed in full; the rest are counted.
 const TOLD: usize = 3;
 
-/// Characters at the end of a warning that tell its kind: names stand in front.
+/// Characters at the end of a warning that determine its kind; names come before them.
 const KIND: usize = 32;
 
-/// Warnings with those of one kind, which differ in names and numbers alone, cut short: a file can give a hundred for one cause.
+/// The warnings; of one kind, which differ only in names and numbers, the first few and a count of the rest.
 fn gathered(warnings: Vec<String>) -> Vec<String> {
     let kind = |warning: &str| -> String {
         let back = warning.chars().rev().filter(|c| !c.is_ascii_digit());
@@ -103,13 +103,13 @@ fn gathered(warnings: Vec<String>) -> Vec<String> {
     told
 }
 
-/// Ratio of the scene's own light to that of named surroundings above which these are lost beside it.
+/// Ratio of the scene's own light to that of named surroundings above which the surroundings are too faint to show.
 const FAINT: f64 = 200.0;
 
 /// Most triangles of sharp metal and glass whose reflection is tested.
 const ASKED: usize = 64;
 
-/// True if lights without area are all that a scene has, and most of its sharp metal and glass faces nothing: it shows black.
+/// True if a scene has only lights without area, and most of its sharp metal and glass reflects nothing.
 fn reflects_nothing(scene: &Scene) -> bool {
     let (lights, geometry, parts) = (scene.lights(), scene.geometry(), scene.parts());
     if lights.is_empty() || lights.emissive_triangles() > 0 || parts.environment.is_some() {
@@ -125,14 +125,14 @@ fn reflects_nothing(scene: &Scene) -> bool {
     let faces_nothing = |i: TriangleId| {
         let [a, b, c] = geometry.triangle(i);
         let (middle, out) = ((a + b + c) / 3.0, geometry.triangle_normal(i));
-        // A scene that is only described has no tree, and no ray meets its surfaces.
+        // A scene built by `Scene::outline` has no tree, and rays hit nothing.
         let meets = |from: Vec3, dir: Vec3| scene.intersect(&Ray::new(from, dir)).is_some();
         !meets(middle + 1e-4 * beyond * out, out) && meets(middle + beyond * out, -out)
     };
     2 * asked.iter().filter(|i| faces_nothing(**i)).count() > asked.len()
 }
 
-/// Most radiance of surroundings: a picture in single precision holds what they light.
+/// Largest radiance of surroundings, so that single precision holds the light of surfaces.
 const MOST_RADIANCE: f32 = 1e30;
 
 impl Spec {
@@ -147,7 +147,7 @@ impl Spec {
         Backdrop::named(self.env.as_deref(), sky)
     }
 
-    /// Choices that the file does not contain.
+    /// Options of the loader that the file does not contain.
     pub fn load_options(&self, formats: Formats) -> LoadOptions {
         LoadOptions {
             distribution: self.distribution,
@@ -159,8 +159,8 @@ impl Spec {
         }
     }
 
-    /// Surroundings that the options ask for, of a scene that is `lit` or not, in place of those of the file, `own`; hands over
-    /// bytes that name them.
+    /// Surroundings by the options, for a scene that is `lit` or not; else those of the file, `own`. Passes bytes that
+    /// identify them to `take`.
     pub fn surroundings(
         &self,
         own: Option<Environment>,
@@ -191,7 +191,7 @@ impl Spec {
         Ok(all)
     }
 
-    /// A warning where the light of named surroundings is lost beside that of the scene's own lamps.
+    /// A warning if named surroundings are much fainter than the scene's own lamps.
     fn faint(&self, scene: &Scene, around: &Environment) -> Option<String> {
         self.env.as_ref()?;
         let lighting = scene.lighting(around);
@@ -204,8 +204,8 @@ impl Spec {
         })
     }
 
-    /// Opens the scene of a file: glTF, or one of the formats. `build` is [`Scene::new`], or [`Scene::outline`] for
-    /// a scene that is described only.
+    /// Opens the scene of a file: glTF, or one of the formats. `build` is [`Scene::new`], or [`Scene::outline`] for a
+    /// description only.
     pub fn open(
         &self,
         path: &Path,
@@ -224,7 +224,7 @@ impl Spec {
         let unlit = loaded.light == FileLight::None || parts.environment.is_some();
         let mut lit = None;
         if auto && !unlit && loaded.light == FileLight::Surfaces {
-            // What the file's own lamps light is measured before anything surrounds them.
+            // The light of the file's own lamps is measured without surroundings.
             let scene = Scene::new(parts.clone());
             let measured = scene.lighting(&Environment::from_map(studio(), 0.0));
             in_studio = !measured.is_lit();
@@ -278,20 +278,20 @@ impl Spec {
     }
 }
 
-/// Endings of files of other programs, which no room of this one reads.
+/// Endings of files of other programs, which no reader supports.
 const OTHERS: [&str; 11] = [
     "3ds", "abc", "blend", "c4d", "dae", "fbx", "stl", "usd", "usda", "usdc", "usdz",
 ];
 
-/// Says what to do where a path is that of a folder, or of a file of another program.
+/// Rejects a folder, or a file of another program, with a hint at what to do.
 ///
-/// Fails for these, and for a path that leads nowhere; a file with a strange name may be a scene.
+/// Fails for these, and for a missing path. A file with an unknown ending may be a scene.
 pub fn expect_scene(path: &Path) -> Result<(), Fault> {
     let wrong = |what: String| Err(Fault::Input(format!("{}: {what}", path.display())));
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     let ending = ending.to_string_lossy();
     match std::fs::metadata(path) {
-        // It would not be read if it were there.
+        // Such a file would not be read if it existed.
         Err(_) if OTHERS.contains(&&*ending) => {}
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let like = scenes_like(path);
@@ -329,10 +329,10 @@ pub fn expect_scene(path: &Path) -> Result<(), Fault> {
     }
 }
 
-/// Scenes that a message lists.
+/// Number of scenes that a message lists.
 const LISTED: usize = 3;
 
-/// Scenes beside a path that is none, those first whose names begin alike.
+/// Scenes beside a missing path, those first whose names begin alike.
 fn scenes_like(path: &Path) -> Vec<String> {
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
     let mut scenes = scenes_in(folder.unwrap_or(Path::new(".")));

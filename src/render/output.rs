@@ -16,7 +16,7 @@ use std::ops::{ControlFlow, Range};
 use std::path::Path;
 
 impl Request<'_> {
-    /// The choices that the picture shows, by name: integrator, mode, and every given option that changes pixels.
+    /// Recorded options by name: integrator, mode, and every given option that changes pixels.
     pub fn choices(&self) -> Vec<(&'static str, String)> {
         let mut choices = vec![
             ("integrator", word(&self.kind)),
@@ -28,7 +28,7 @@ impl Request<'_> {
         }
         choices.extend(self.amounts());
         match &self.own().table {
-            // A table of a program's own has no name.
+            // A table passed by a program has no name.
             None | Some(TableChoice::Held(_, None)) => {}
             Some(table) => choices.push(("table", table.text())),
         }
@@ -40,13 +40,13 @@ impl Request<'_> {
         choices
     }
 
-    /// The options that stand for the films of the render and for what is made of them.
+    /// The options that determine the films of the render and their resolve.
     fn amounts(&self) -> Vec<(&'static str, String)> {
         let resolve = ("resolve", self.spec.resolve().text());
         let path = matches!(self.settings.estimator, Estimator::Path { .. });
         let levels = match &self.settings.amounts {
             Amounts::Raw => return vec![("resolve", "raw".into())],
-            // The default of all others.
+            // The default of all other methods.
             Amounts::Blurred if !(path && self.own().has_factors()) => return vec![resolve],
             Amounts::Blurred => Levels::None,
             Amounts::Roughening(scales) => Levels::At(scales.as_slice().to_vec()),
@@ -55,7 +55,7 @@ impl Request<'_> {
         vec![("levels", levels.text()), resolve]
     }
 
-    /// Text for the file of the picture, alike in equal renders.
+    /// Metadata for the file of the picture, equal for equal renders.
     pub fn metadata(&self, samples: u32, refused: u64) -> Metadata {
         let subject = self.subject;
         let table = self.method.table_sha256.as_deref();
@@ -71,7 +71,7 @@ impl Request<'_> {
         metadata
     }
 
-    /// The render so far, to be continued.
+    /// A checkpoint of the render so far.
     pub fn checkpoint(
         &self,
         progress: &RenderProgress,
@@ -89,12 +89,12 @@ impl Request<'_> {
         }
     }
 
-    /// Samples of a part that names none.
+    /// Samples of a part if no range is given.
     pub fn all_samples(&self) -> Range<u32> {
         0..self.spec.spp.unwrap_or(DEFAULT_SPP)
     }
 
-    /// An error for what a part cannot have or keep.
+    /// An error for options that a part does not support or store.
     pub fn check_part(spec: &Spec) -> Result<(), Fault> {
         let wants = |aov| spec.aovs().contains(&aov);
         if wants(Aov::Position) || wants(Aov::Id) || wants(Aov::Time) {
@@ -123,10 +123,10 @@ impl Request<'_> {
         }
     }
 
-    /// Renders these samples into the file of a part, whole or not at all; after those of `begun`, a part of the same pixels, if
-    /// there is one. False if the listener ended it: then there is no file.
+    /// Renders these samples into the file of a part, whole or not at all. `begun` is a part of the same pixels whose
+    /// samples come before. False if `on_pass` ended the render; then no file is written.
     ///
-    /// An integrator that is left to a pilot must be chosen before ([`Request::choose`]).
+    /// Needs an integrator: [`Request::choose`] must be called first if a pilot chooses it.
     pub fn part(
         &self,
         path: &Path,
@@ -146,7 +146,7 @@ impl Request<'_> {
         Ok(part.render_on(begun, path, integrator, &view, on_pass)?)
     }
 
-    /// The command that renders the pixel of a refused sample again, up to that sample.
+    /// The command that renders a refused sample again, with the earlier samples of its pixel.
     pub fn replay(&self, refused: &RejectedSample) -> String {
         let (x, y) = (refused.pixel.x, refused.pixel.y);
         let end = refused.sample.saturating_add(1);
@@ -179,7 +179,7 @@ impl Request<'_> {
     }
 }
 
-/// A word of a command line.
+/// A word of a command line, quoted if necessary.
 fn quoted(text: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_.,/%+=:".contains(c);
     match !text.is_empty() && text.chars().all(plain) {

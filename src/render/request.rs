@@ -1,4 +1,4 @@
-//! A spec that was checked against a scene, and its run.
+//! A spec checked against a scene, and its run.
 
 use super::fault::Fault;
 use super::look::CameraChoice;
@@ -24,10 +24,10 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-/// Samples of a render whose budget is not given.
+/// Samples per pixel of a render without a given limit.
 pub(crate) const DEFAULT_SPP: u32 = 128;
 
-/// Bytes that a layer of its own adds for each pixel of a level.
+/// Bytes per pixel that a layer for one level adds.
 const LEVEL_LAYER_BYTES: u64 = 36;
 
 /// The scene of a render.
@@ -35,7 +35,7 @@ const LEVEL_LAYER_BYTES: u64 = 36;
 pub struct Subject<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Its file, for metadata; empty for a scene without one.
+    /// Its file name, for metadata; empty for a scene without a file.
     pub name: &'a str,
     /// SHA-256 of its files.
     pub sha256: &'a str,
@@ -56,19 +56,19 @@ pub struct Request<'a> {
     pub frame: UVec2,
     /// The part that is rendered.
     pub window: Window,
-    /// All that the picture depends on; those of the path tracer until a pilot has chosen.
+    /// Settings that determine the picture; those of the path tracer until a pilot has chosen.
     pub settings: Settings,
-    /// The integrator, by the name that users know it by.
+    /// The integrator by its name in options.
     pub kind: IntegratorKind,
     /// The method of the settings.
     pub method: Method,
-    /// The choices that the settings are made of: the user's, or those of the contender that a pilot has chosen.
+    /// The options behind the settings: the user's, or those of the contender that a pilot chose.
     own: Spec,
-    /// Remarks on choices that were made for the user.
+    /// Remarks on automatic choices.
     pub notes: Vec<String>,
-    /// Integrators among which a pilot chooses, with their methods.
+    /// Candidates for a pilot, with their methods.
     contenders: Vec<(Contender, Method, Spec)>,
-    /// A render that this one continues.
+    /// Checkpoint of the render that this one continues.
     old: Option<Checkpoint>,
 }
 
@@ -76,29 +76,29 @@ pub struct Request<'a> {
 pub struct Begun {
     /// The picture to continue.
     pub picture: Picture,
-    /// Its samples.
+    /// Number of its samples per pixel.
     pub start: u32,
-    /// Seconds that were spent on them.
+    /// Seconds spent on them.
     pub spent: f64,
-    /// Time that the pilot took, and loading where --time counts it.
+    /// Time of the pilot, and of loading if --time counts it.
     pub pilot: Duration,
-    /// Its choice.
+    /// Choice of the pilot, if there was one.
     pub choice: Option<Choice>,
 }
 
 /// A render that has ended.
 pub struct Output {
-    /// The moments of every pixel, and what was recorded beside them.
+    /// The moments of every pixel, and the data recorded beside them.
     pub picture: Picture,
     /// State at the end.
     pub progress: RenderProgress,
-    /// The bound that ended it.
+    /// The limit that ended it.
     pub reason: Reason,
-    /// Light that a witness has found and the picture lacks.
+    /// Light that a witness found missing in the picture.
     pub missing: Option<Missing>,
 }
 
-/// Function that is called after each pass with the picture so far, and can end the render.
+/// Callback after each pass, with the picture so far. It can end the render.
 pub(crate) type OnPass<'a> = &'a mut dyn FnMut(&RenderProgress, &Picture) -> ControlFlow<()>;
 
 /// Runs a render: the pilot, if the integrator is `auto`, and all passes.
@@ -107,13 +107,13 @@ pub fn run<'a>(
     on_pass: OnPass<'_>,
 ) -> Result<(Request<'a>, Output), Fault> {
     let begun = request.begin(&|| true)?;
-    // No one has stopped it.
+    // The callback never stops it.
     let begun = begun.ok_or_else(|| Fault::usage("stopped before the first sample"))?;
     let output = request.render(begun, None, on_pass);
     Ok((request, output))
 }
 
-/// The camera with this name or number; without one the first, or a camera that sees the whole scene.
+/// The camera with this name or number; without one the first, or else a camera that frames the whole scene.
 pub(crate) fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> Result<Camera, Fault> {
     let cameras = &scene.parts().cameras;
     let Some(wanted) = wanted else {
@@ -134,7 +134,7 @@ pub(crate) fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> Result
 }
 
 impl Spec {
-    /// Reads the table, so that it is read once.
+    /// Loads the table into the spec, so that it is read once.
     pub fn load_table(&mut self) -> Result<(), Fault> {
         if let Some(choice) = &mut self.table {
             choice.load()?;
@@ -155,7 +155,7 @@ impl Spec {
         Ok(self.size.unwrap_or(Size::Share(1.0)).of(whole))
     }
 
-    /// Name or number of the camera that was asked for.
+    /// Name or number of the requested camera.
     fn wanted(&self) -> Option<&str> {
         match &self.camera {
             Some(CameraChoice::Named(name)) => Some(name),
@@ -163,7 +163,7 @@ impl Spec {
         }
     }
 
-    /// The lens of a camera whose file says `file`.
+    /// The requested lens; `file` is the lens of the camera in its file.
     fn lens(&self, file: Option<Lens>) -> Result<Option<Lens>, Fault> {
         let Some(LensChoice { radius, focus }) = self.lens else {
             return Ok(file);
@@ -187,14 +187,14 @@ impl Spec {
         self.through(camera)
     }
 
-    /// A camera with the lens that was asked for.
+    /// A camera with the requested lens.
     fn through(&self, camera: Camera) -> Result<Camera, Fault> {
         let lens = self.lens(camera.lens)?;
         Ok(Camera { lens, ..camera })
     }
 
-    /// The settings of a method with the amounts that were asked for, or the usual ones; and why there are raw means where
-    /// others are usual.
+    /// The settings of a method with the requested amounts, or the usual ones, and the reason if raw means replace the
+    /// usual amounts.
     fn levelled(
         &self,
         method: &Method,
@@ -232,7 +232,7 @@ impl Spec {
         Ok((settings, None))
     }
 
-    /// Bounds of the render, after a pilot that took this long.
+    /// Limits of the render, after a pilot that took this long.
     pub(crate) fn budget(&self, pilot: Duration) -> Budget {
         let free = self.spp.is_none() && self.time.is_none() && self.target_error.is_none();
         Budget {
@@ -262,7 +262,7 @@ impl Spec {
         }
     }
 
-    /// Parts of the AOVs that are recorded along paths.
+    /// AOVs that are recorded along paths.
     pub(crate) fn recorded_aovs(&self) -> Recorded {
         let mut recorded = Aov::recorded(self.aovs());
         recorded.first |= self.denoise == Some(true);
@@ -271,7 +271,7 @@ impl Spec {
 }
 
 impl<'a> Request<'a> {
-    /// Checks a spec against a scene. `own` is a camera to take in place of those of the scene.
+    /// Checks a spec against a scene. `own` is a camera that replaces those of the scene.
     pub fn new(spec: &Spec, subject: Subject<'a>, own: Option<Camera>) -> Result<Self, Fault> {
         let mut spec = spec.clone();
         spec.check()?;
@@ -301,7 +301,7 @@ impl<'a> Request<'a> {
         for one in specs {
             let method = one.method()?;
             let (settings, note) = one.levelled(&method, scene.features().lobes)?;
-            // A table that nobody asked for is for levels alone.
+            // The built-in table serves only for levels.
             let own_table = one.table.is_some() && spec.table.is_none();
             if own_table && !settings.amounts.has_choice() {
                 continue;
@@ -346,7 +346,7 @@ impl<'a> Request<'a> {
         View::new(self.subject.scene, &self.camera, self.frame, self.window)
     }
 
-    /// Refuses a picture that needs more memory than there is.
+    /// An error for a picture that needs more memory than is available.
     fn check_memory(&self) -> Result<(), Fault> {
         let (frame, window) = (self.frame, self.window);
         let films = self.settings.amounts.films();
@@ -356,7 +356,7 @@ impl<'a> Request<'a> {
         if self.spec.aovs().contains(&Aov::EachLevel) {
             bytes += (window.len() * films) as u64 * LEVEL_LAYER_BYTES;
         }
-        // Chains move over the whole frame.
+        // Markov chains cover the whole frame.
         let (size, hint) = match self.settings.estimator {
             Estimator::Mlt { .. } => (frame, "{size} makes the picture smaller"),
             _ => (
@@ -371,13 +371,13 @@ impl<'a> Request<'a> {
         memory::check(what, bytes).map_err(|shortage| Fault::Memory(shortage, hint))
     }
 
-    /// Goes on from a checkpoint; one of another scene or of other settings is refused.
+    /// Continues from a checkpoint; an error if its scene or settings differ.
     pub fn resume(&mut self, path: &Path) -> Result<(), Fault> {
         let old = Checkpoint::open(path)?;
         let theirs = old.fingerprint.clone();
         let ours = |settings: &Settings| self.identity(settings, true) == theirs;
         let place = self.contenders.iter().position(|(c, ..)| ours(&c.settings));
-        // A checkpoint of no contender is refused by the one that is most like it.
+        // If no contender matches the checkpoint, the most similar one gives the error.
         let alike = |(c, ..): &(Contender, Method, Spec)| {
             let levels = old.amounts.has_choice() == c.settings.amounts.has_choice();
             levels && old.metadata.get("integrator") == Some(&word(&c.kind))
@@ -389,8 +389,8 @@ impl<'a> Request<'a> {
         Ok(())
     }
 
-    /// Takes the contender at the place that a pilot chose for a request with the same options of scene, light and method, without
-    /// a pilot; does nothing where there is nothing to choose.
+    /// Takes the contender at `place`, the choice of a pilot for a request with equal scene, light and method. Does
+    /// nothing without contenders.
     pub fn take(&mut self, place: usize) {
         if let Some((contender, method, own)) = self.contenders.get(place).cloned() {
             (self.kind, self.settings) = (contender.kind, contender.settings);
@@ -399,9 +399,9 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// Chooses the integrator, if that is left to a pilot, as for the whole frame, so that crops and parts choose alike; with a
-    /// limit of time as for the part that is rendered. Gives the choice, if there was one to make; breaks if `go_on` said no,
-    /// which is asked before every small render.
+    /// Lets a pilot choose the integrator, if it is open: for the whole frame, so that crops and parts choose alike, or
+    /// with a time limit for the rendered part. Returns the choice, if there was one. Breaks if `go_on`, which is
+    /// called before every small render, returns false.
     pub fn choose(
         &mut self,
         go_on: &dyn Fn() -> bool,
@@ -432,8 +432,8 @@ impl<'a> Request<'a> {
         Ok(ControlFlow::Continue(Some(chosen)))
     }
 
-    /// Chooses the integrator, if that is left to a pilot, and makes the picture ready. `None` if `go_on` said no; it is
-    /// asked before every small render.
+    /// Chooses the integrator, if it is open, and prepares the picture. `None` if `go_on`, which is called before every
+    /// small render, returns false.
     pub fn begin(&mut self, go_on: &dyn Fn() -> bool) -> Result<Option<Begun>, Fault> {
         let clock = Instant::now();
         let ControlFlow::Continue(choice) = self.choose(go_on)? else {
@@ -466,9 +466,9 @@ impl<'a> Request<'a> {
         }))
     }
 
-    /// Renders until the budget is spent or the listener breaks.
+    /// Renders until the budget is spent or the callback breaks.
     ///
-    /// A flag that is set ends it between tiles or chains.
+    /// Setting the flag `asked` ends the render between tiles or chains.
     pub fn render(&self, begun: Begun, asked: Option<&AtomicBool>, on_pass: OnPass<'_>) -> Output {
         let Begun {
             mut picture,
@@ -499,7 +499,7 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// The options that name the method of the settings, the integrator first: the user's, or a pilot's choice.
+    /// Names and values of the method's options, the integrator first: the user's, or a pilot's choice.
     pub fn method_options(&self) -> Vec<(&'static str, String)> {
         let of_method = |(option, _): &(&Opt, String)| {
             matches!(option.heading, Heading::Method | Heading::Research)
@@ -511,17 +511,17 @@ impl<'a> Request<'a> {
         options
     }
 
-    /// The choices that the settings are made of: the user's, or those of the contender that a pilot has chosen.
+    /// The options behind the settings: the user's, or those of the contender that a pilot chose.
     pub(super) fn own(&self) -> &Spec {
         &self.own
     }
 
-    /// The identity of this render, which its checkpoints carry.
+    /// The identity of this render, stored in its checkpoints.
     pub(crate) fn fingerprint(&self) -> Fingerprint {
         self.identity(&self.settings, true)
     }
 
-    /// The identity of a render with these settings; parts of one render differ in their crop alone.
+    /// The identity of a render with these settings; without `cropped` it is the same for all crops.
     pub(super) fn identity(&self, settings: &Settings, cropped: bool) -> Fingerprint {
         let crop = self.spec.crop.filter(|_| cropped).map(|_| self.window);
         let scene = self.spec.words(&[Heading::Scene, Heading::Light]);
@@ -544,7 +544,7 @@ impl<'a> Request<'a> {
 }
 
 impl Spec {
-    /// The option to blame for a film that cannot be.
+    /// The option that an invalid film is blamed on.
     fn window_option(&self) -> &'static str {
         if self.crop.is_some() { "crop" } else { "size" }
     }

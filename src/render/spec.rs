@@ -1,8 +1,8 @@
 //! The options of a render, each declared once.
 //!
-//! A declaration is a field of [`Spec`]: its type, its help, and an [`Opt`] that says its names, range, default, heading, what
-//! it needs and excludes, and what it changes. The command line, Python's keywords and the methods of a suite are made of
-//! these declarations; what a render records about itself too (`Spec::recorded`).
+//! A declaration is a field of [`Spec`]: its type, its help, and an [`Opt`] with its names, range, default, heading,
+//! requirements, exclusions and effect. The command line, Python's keywords and the methods of a suite are generated
+//! from these declarations, and so are the records of a render (`Spec::recorded`).
 
 use super::fault::Fault;
 use super::look::{CameraChoice, Look};
@@ -30,7 +30,7 @@ use std::time::Duration;
 /// Heading of an option in a list of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heading {
-    /// The file and what is made of it.
+    /// The scene file and its materials and animations.
     Scene,
     /// Surroundings of the scene.
     Light,
@@ -66,9 +66,9 @@ impl Heading {
 pub enum Effect {
     /// Pixels: recorded by name.
     Pixels,
-    /// Pixels: recorded by this key, which says more than the option.
+    /// Pixels: recorded by this key, which is more precise than the option.
     As(&'static str),
-    /// The frame and its part, which the head of a file says.
+    /// The frame or its crop, which the header of a file contains.
     Frame,
     /// The number of samples, which is recorded.
     Samples,
@@ -81,7 +81,7 @@ pub enum Effect {
 pub struct Opt {
     /// Name of the field, of Python's keyword and of a suite's key.
     pub name: &'static str,
-    /// Name on the command line, where it is another one.
+    /// Name on the command line, if it differs.
     pub flag: Option<&'static str>,
     /// Heading.
     pub heading: Heading,
@@ -89,34 +89,34 @@ pub struct Opt {
     pub value: &'static str,
     /// Help of one paragraph.
     pub help: &'static str,
-    /// The value that the option has where it is not given, in words.
+    /// Default value in words.
     pub default: Option<&'static str>,
-    /// The value of an option that is given without one.
+    /// Value of an option that is given without a value.
     pub bare: Option<&'static str>,
-    /// Range of numbers.
+    /// Valid range of numbers.
     pub range: Range,
-    /// Its effect.
+    /// Effect on the picture and its files.
     pub effect: Effect,
-    /// Options of which one must be given too.
+    /// Options of which at least one must be given too.
     pub needs: &'static [&'static str],
-    /// Options beside which it would do nothing or something else.
+    /// Options with which it cannot be combined.
     pub excludes: &'static [&'static str],
-    /// Integrators that know it; all if empty.
+    /// Integrators that support it; all if empty.
     pub of: &'static [IntegratorKind],
-    /// True for what needs several levels.
+    /// True if it needs several levels.
     pub of_levels: bool,
-    /// True for a choice that is made of a finished film, and can be made again.
+    /// True for a choice that is made on a finished film, and can be changed later.
     pub of_film: bool,
-    /// True for one of those that most renders use.
+    /// True for options of most renders.
     pub common: bool,
-    /// Names of the choices.
+    /// Names of the valid choices, for types that have a list.
     pub names: fn() -> Vec<String>,
-    /// Type in Python's words.
+    /// Python type.
     pub python: fn() -> String,
     /// The choices with their help.
     #[cfg(feature = "clap")]
     pub possible: fn() -> Vec<clap::builder::PossibleValue>,
-    /// True for a value that is read.
+    /// An error unless a value is valid.
     check: fn(&Value, &Range) -> Result<(), String>,
 }
 
@@ -193,7 +193,7 @@ impl Opt {
     pub fn keyword_help(&self) -> String {
         let mut help = self.help();
         let mut flags: Vec<&Self> = OPTIONS.iter().collect();
-        // The longest first: some begin with others.
+        // The longest first, because some flags are prefixes of others.
         flags.sort_by_key(|option| std::cmp::Reverse(option.flag().len()));
         for option in flags {
             help = help.replace(&format!("--{}", option.flag()), option.name);
@@ -209,7 +209,7 @@ impl Opt {
 
 macro_rules! options {
     ($($(#[doc = $doc:literal])+ $name:ident: $type:ty, $heading:ident { $($key:ident: $value:expr),* $(,)? })+) => {
-        /// A render as its user chose it; what is not given has its default.
+        /// Options of a render; `None` stands for the default.
         #[derive(Clone, Debug, Default, PartialEq)]
         pub struct Spec {
             $($(#[doc = $doc])+ pub $name: Option<$type>,)+
@@ -224,7 +224,7 @@ macro_rules! options {
         ];
 
         impl Spec {
-            /// Gives an option this value.
+            /// Sets an option to a parsed value.
             fn read(&mut self, option: &Opt, value: &Value) -> Result<(), String> {
                 match option.name {
                     $(stringify!($name) => self.$name = Some(Field::read(value, &option.range)?),)+
@@ -233,7 +233,7 @@ macro_rules! options {
                 Ok(())
             }
 
-            /// Gives another spec what is given here and not there.
+            /// Sets the options of another spec that are given here and not there.
             pub fn fill(&self, other: &mut Self) {
                 $(if other.$name.is_none() {
                     other.$name.clone_from(&self.$name);
@@ -390,7 +390,7 @@ const RENAMED: [(&str, &str); 16] = [
     ("exr_compression", "{exr}"),
 ];
 
-/// The option that replaces a name of an earlier version, in words for [`Fault`]; `None` for a name that never was one.
+/// The option that replaces a name of an earlier version, as text for [`Fault`]; `None` for other names.
 pub fn renamed(name: &str) -> Option<String> {
     let key = name.replace('-', "_");
     let replaced = RENAMED.iter().find(|(old, _)| *old == key);
@@ -401,7 +401,7 @@ pub fn renamed(name: &str) -> Option<String> {
 }
 
 impl Spec {
-    /// Gives an option this value by its name.
+    /// Sets an option by its name.
     pub fn set(&mut self, name: &str, value: &Value) -> Result<(), Fault> {
         let option = Opt::named(name);
         let option = option.ok_or_else(|| {
@@ -412,7 +412,7 @@ impl Spec {
         read.map_err(|what| Fault::option(option.name, what))
     }
 
-    /// Options that are given, in their order, with their values as text.
+    /// Given options in declaration order, with their values as text.
     pub fn given(&self) -> impl Iterator<Item = (&'static Opt, String)> {
         self.entries().map(|(option, text, _)| (option, text))
     }
@@ -425,12 +425,12 @@ impl Spec {
     fn entries(&self) -> impl Iterator<Item = (&'static Opt, String, Value)> {
         OPTIONS.iter().filter_map(|option| {
             let (text, value) = self.written(option.name)?;
-            // A switch that is off is not given.
+            // A switch that is off counts as not given.
             (value != Value::Bool(false)).then_some((option, text, value))
         })
     }
 
-    /// The given options without --resolve raw, which is a choice of the render and not of its film.
+    /// The given options without `--resolve raw`, which is a choice before the render, not on its film.
     pub(crate) fn given_but_raw(&self) -> impl Iterator<Item = (&'static Opt, String)> {
         let raw = self.is_raw();
         self.given()
@@ -442,7 +442,7 @@ impl Spec {
         self.entries().any(|(option, ..)| option.name == name)
     }
 
-    /// The given options as a table of settings.
+    /// The given options and values as a table of settings.
     pub fn settings(&self) -> serde_json::Map<String, Value> {
         let entries = self.entries();
         entries
@@ -450,7 +450,7 @@ impl Spec {
             .collect()
     }
 
-    /// Given options that change pixels, for a file that says what it shows; the integrator may be a pilot's choice.
+    /// Given options that change pixels, for metadata; `integrator` may be a pilot's choice.
     pub(crate) fn recorded(
         &self,
         integrator: IntegratorKind,
@@ -461,7 +461,7 @@ impl Spec {
             .map(|(option, text)| (option.name, text))
     }
 
-    /// The given options of these headings in words that two renders share only if they show the same.
+    /// The given options of these headings as text, which is equal only for equal pixels.
     pub fn words(&self, headings: &[Heading]) -> String {
         let words = self
             .given()
@@ -474,7 +474,7 @@ impl Spec {
 }
 
 impl Spec {
-    /// Reads the look, so that it is read once; its lens is that of the options unless they name one.
+    /// Loads the look, so that it is read once. Its lens is used unless the options give one.
     pub fn load_look(&mut self) -> Result<(), Fault> {
         let Some(look) = self.own_look()? else {
             return Ok(());
@@ -492,7 +492,7 @@ impl Spec {
         Ok(())
     }
 
-    /// The camera's numbers, where they are not those of a camera of the scene.
+    /// The look, if the camera is not one of the scene.
     fn own_look(&self) -> Result<Option<Look>, FileError> {
         let look = self.camera.as_ref().map(CameraChoice::look);
         look.transpose().map(Option::flatten)

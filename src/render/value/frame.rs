@@ -6,7 +6,7 @@ use crate::image::film::Window;
 use crate::math::UVec2;
 use serde_json::Value;
 
-/// A share such as `25%`, `0.25` or `1/4`; a number without a point is none.
+/// A share such as `25%`, `0.25` or `1/4`; `None` for a number without a point.
 fn share(text: &str) -> Option<f64> {
     let text = text.trim();
     let number = |x: &str| x.trim().parse::<f64>().ok();
@@ -25,12 +25,12 @@ fn share(text: &str) -> Option<f64> {
 pub enum Size {
     /// Columns and rows.
     Pixels(UVec2),
-    /// Share of the size that the picture has without being asked for one.
+    /// Share of the default size.
     Share(f64),
 }
 
 impl Size {
-    /// The size, where the picture has `whole` without being asked for one.
+    /// The size in pixels, for the default size `whole`.
     pub(crate) fn of(self, whole: UVec2) -> UVec2 {
         let scaled =
             |share: f64, side: u32| ((share * f64::from(side)).round() as u32).clamp(1, 65536);
@@ -99,12 +99,12 @@ impl Length {
 pub struct Crop([Length; 4]);
 
 impl Crop {
-    /// These pixels.
+    /// A part in pixels.
     pub fn pixels(x: u32, y: u32, w: u32, h: u32) -> Self {
         Self([x, y, w, h].map(Length::Pixels))
     }
 
-    /// The part of a picture of this size. Edges are rounded, so that shares that meet make parts that meet.
+    /// The window in a picture of this size. Edges are rounded, so that adjacent shares give adjacent windows.
     pub fn of(&self, size: UVec2) -> Window {
         let [x, y, w, h] = self.0;
         let edges = |at: Length, length: Length, side: u32| {
@@ -159,7 +159,7 @@ impl Field for Crop {
 /// Lens of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensChoice {
-    /// Radius in units of the scene; 0 for a camera without a lens.
+    /// Radius in units of the scene; 0 for no lens.
     pub radius: f32,
     /// Distance in focus along the view, in units of the scene; `None` for that of the file's lens.
     pub focus: Option<f32>,

@@ -13,19 +13,19 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Learned factors: a file, a name of the program's, or a table that was read.
+/// Attenuation factors: a file, the name of a built-in table, a loaded table, or one factor.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TableChoice {
-    /// A file, or the name of a table that the program contains.
+    /// A file, or the name of a built-in table.
     File(PathBuf),
-    /// A table in memory, and the file or name that it was read from, if any.
+    /// A loaded table, and its file or name, if any.
     Held(Arc<TableFile>, Option<PathBuf>),
     /// One factor in [0, 1] for all paths.
     Factor(f32),
 }
 
 impl TableChoice {
-    /// The table in memory. A file is read once; one factor needs none.
+    /// Loads a file or built-in table once; does nothing for one factor.
     pub fn load(&mut self) -> Result<(), FileError> {
         if let Self::File(path) = self {
             *self = Self::Held(Arc::new(TableFile::load(path)?), Some(path.clone()));
@@ -33,12 +33,12 @@ impl TableChoice {
         Ok(())
     }
 
-    /// True for a table of factors that are looked up, not one factor.
+    /// True for a table, false for one factor.
     pub(crate) fn has_classes(&self) -> bool {
         !matches!(self, Self::Factor(_))
     }
 
-    /// The file that is read; none for tables in memory and those of the program.
+    /// The file to read; `None` for loaded and built-in tables.
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::File(path) if path.exists() || !TableFile::is_built_in(path) => Some(path),
@@ -111,9 +111,9 @@ impl Field for Strategy {
 /// Levels of a render.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Levels {
-    /// None: the factors as they are, with blurs.
+    /// One level: the factors as they are, with blurs.
     None,
-    /// Several scales of the factors, or factors on the radius of `sppm`. The integrator checks them.
+    /// Several scales of the factors, or factors on the radius of `sppm`. The settings validate them.
     At(Vec<f32>),
 }
 
@@ -138,7 +138,7 @@ impl Field for Levels {
                 .ok_or_else(|| format!("expected 2 to {MAX_LEVELS} levels"));
         }
         let scales = match value {
-            // A text is read as single precision reads it.
+            // Text is parsed in single precision.
             Value::String(text) => text
                 .split(',')
                 .map(|x| x.trim().parse().ok())
@@ -173,12 +173,12 @@ impl Field for Levels {
     }
 }
 
-/// The picture that a render makes of its samples.
+/// The picture that a render computes from its samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResolveChoice {
-    /// The means of all samples, with their statistics, and no film to choose from.
+    /// The means of all samples, with their statistics; no film in batches is kept.
     Raw,
-    /// The result of a choice among films in batches.
+    /// A choice among levels and blurs.
     Film(Resolve),
 }
 
@@ -228,7 +228,7 @@ impl Field for ResolveChoice {
 pub struct Layers(pub Vec<Aov>);
 
 impl Layers {
-    /// Layers of a render with layers that names none.
+    /// Layers of an option without a list.
     pub(crate) const USUAL: &'static str = "albedo,normal,depth";
 }
 

@@ -1,4 +1,4 @@
-//! Values of options: read from text, from Python's arguments and from a suite; written as the text that is read back.
+//! Values of options: read from text, Python arguments and suites; written as text that reads back as the same value.
 
 use crate::bsdf::Distribution;
 use crate::image::display::ViewTransform;
@@ -23,10 +23,10 @@ pub use range::Range;
 
 /// Type of an option's value.
 pub trait Field: Sized {
-    /// The value, or a message that says what was expected.
+    /// Parses a value; the error says what was expected.
     fn read(value: &Value, range: &Range) -> Result<Self, String>;
 
-    /// The value as it is read back from text.
+    /// The value as text that [`Self::read`] accepts.
     fn text(&self) -> String;
 
     /// The value for a file of settings.
@@ -34,10 +34,10 @@ pub trait Field: Sized {
         self.text().into()
     }
 
-    /// The type in Python's words.
+    /// The Python type.
     fn python() -> String;
 
-    /// Names of the choices; none where there is no list.
+    /// Names of the valid choices; empty if there is no list.
     fn names() -> Vec<String> {
         Vec::new()
     }
@@ -65,7 +65,7 @@ impl Field for PathBuf {
     }
 }
 
-/// A thing of the scene by name, or by number from 0.
+/// An object of the scene by name, or by number from 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NameOrNumber(pub String);
 
@@ -100,10 +100,10 @@ pub enum Glass {
 /// Exposure of PNG files.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Exposure {
-    /// The one that suits the picture.
+    /// Chosen from the picture.
     #[default]
     Auto,
-    /// A number of stops.
+    /// Number of stops.
     Stops(f32),
 }
 
@@ -139,7 +139,7 @@ fn possible<T: clap::ValueEnum>() -> Vec<clap::builder::PossibleValue> {
         .collect()
 }
 
-/// A choice by the name that options have for it: that of its variant in kebab case.
+/// A choice by its name in options: its variant in kebab case.
 pub fn word(choice: &impl std::fmt::Debug) -> String {
     let mut word = String::new();
     for c in format!("{choice:?}").chars() {
@@ -151,7 +151,7 @@ pub fn word(choice: &impl std::fmt::Debug) -> String {
     word
 }
 
-/// The choice of a name among these.
+/// The choice with this name or alias.
 fn choice<T: std::fmt::Debug + Copy>(
     value: &Value,
     all: &[T],

@@ -4,7 +4,7 @@ use super::{Field, Range};
 use serde_json::Value;
 use std::time::Duration;
 
-/// A finite number, also one that is written as text.
+/// A finite number, or text that contains one.
 fn number(value: &Value) -> Option<f64> {
     match value {
         Value::Number(number) => number.as_f64(),
@@ -37,7 +37,7 @@ fn whole(value: &Value, range: &Range, most: u64) -> Result<u64, String> {
     })
 }
 
-/// The numbers of a list, or of a text with commas.
+/// The numbers of a list, or of text with commas.
 pub(super) fn numbers(value: &Value) -> Option<Vec<f64>> {
     match value {
         Value::Array(list) => list
@@ -52,7 +52,7 @@ pub(super) fn numbers(value: &Value) -> Option<Vec<f64>> {
 impl Field for f32 {
     fn read(value: &Value, range: &Range) -> Result<Self, String> {
         let wide = real(value, range)?;
-        // A range holds in single precision too.
+        // The rounded value must be in the range, too.
         let x = match value {
             Value::String(text) => text.trim().parse().unwrap_or(wide as Self),
             _ => wide as Self,
@@ -68,7 +68,7 @@ impl Field for f32 {
     }
 
     fn value(&self) -> Value {
-        // As short as it is written.
+        // Its shortest decimal form.
         self.to_string()
             .parse::<f64>()
             .unwrap_or((*self).into())
@@ -218,9 +218,9 @@ impl Field for Sun {
 /// Moment of the animations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Moment {
-    /// Seconds from their start.
+    /// Seconds from the start of the animations.
     Seconds(f64),
-    /// A frame, from 0, and frames per second.
+    /// A frame number from 0, and frames per second.
     Frame(f64, f64),
 }
 
@@ -284,7 +284,7 @@ mod tests {
         }
     }
 
-    /// Bounds that are left out, in single precision too; and no truth value is a number.
+    /// Excluded bounds also exclude values that round to them in single precision; truth values are not numbers.
     #[test]
     fn ranges_of_numbers_hold() {
         let share = Range::above(0.0, 1.0);

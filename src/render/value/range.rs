@@ -5,7 +5,7 @@
 pub struct Range {
     pub(super) least: f64,
     pub(super) most: f64,
-    /// False for a bound that is itself left out.
+    /// True if the lower, and if the upper bound is included.
     closed: [bool; 2],
 }
 
@@ -26,7 +26,7 @@ impl Range {
         }
     }
 
-    /// Both bounds left out.
+    /// Both bounds excluded.
     pub(crate) const fn between(least: f64, most: f64) -> Self {
         Self {
             closed: [false; 2],
@@ -34,7 +34,7 @@ impl Range {
         }
     }
 
-    /// The upper bound included, the lower left out.
+    /// The upper bound included, the lower excluded.
     pub(crate) const fn above(least: f64, most: f64) -> Self {
         Self {
             closed: [false, true],
