@@ -1,8 +1,8 @@
-//! A layer of light at a coarse scale: means over cells of 4 × 4 pixels of the whole picture, from which the size of its
-//! hits and its energy are read.
+//! A layer of light at a coarse scale: means over cells of 4 × 4 pixels of the whole picture, which give the size of
+//! its hits and its energy.
 //!
-//! Light of a level comes as rare hits. Where a window expects less than about one of them, the sample variance is zero or
-//! huge, and never right. With x the batch means of a pixel, R_j the mean of level j, R_K that of the roughest:
+//! The light of a level can come as rare hits. If a window expects less than about one hit, the sample variance is zero
+//! or huge, and never right. With x the batch means of a pixel, R_j the mean of level j, R_K that of the roughest:
 //!
 //! ```text
 //! M_j = largest over two radii of tent(Σ x²) / tent(Σ x), of level j and of rougher ones    the size of a hit
@@ -11,11 +11,11 @@
 //! V_j + D_j M_j / (n' B) exp(−e_j)                                                          the variance
 //! ```
 //!
-//! with n' the pixels that are averaged. If hits are expected but none occur, the pixels are dark and the exponential is near zero.
-//! If no hit is expected, its absence is no evidence of darkness.
+//! n' is the number of averaged pixels. If hits are expected but none occur, the pixels are dark and the exponential is
+//! near zero. If no hit is expected, its absence is no evidence of darkness.
 //!
-//! At the scale of energies the variance of a level is at least the square of the light that it has [not met](unmet): a level without
-//! any hit of the sun has the light of the sky, which looks well sampled.
+//! At the scale of energies the variance of a level is at least the square of the light that it has [missed](unmet): a
+//! level without any hit of the sun has only the light of the sky, which looks well sampled.
 
 use super::filter::{Size, tent};
 use super::layer::{Batches, median, squared_difference, variance_of_mean};
@@ -41,20 +41,20 @@ const SMOOTH: usize = 1;
 /// Pixels that the tent of [`RADIUS`] averages: 1 / Σ w², with n = 28 and Σ w² = (2 n² + 1) / (3 n³) along each side.
 const AVERAGED: f32 = 1762.0;
 
-/// Least and largest factor that restores energy: where plain paths have met a sun under water by a few hits, their
-/// blur has lost most of the light.
+/// Least and largest factor that restores energy. If plain paths have found a sun under water in a few hits, blurs have
+/// lost most of its light.
 pub(super) const FACTORS: [f32; 2] = [0.5, 16.0];
 
-/// Variances of a difference that count as noise: less would paint the light of two or three hits around them.
+/// Multiple of a difference's variance that counts as noise: a smaller one would spread the light of two or three hits.
 const DOUBT: f32 = 2.0;
 
-/// Multiple of the median of batches around that a batch has at most where it is blurred.
+/// Cap of a batch in blurs, as a multiple of the median of the batches around.
 const OF_MEDIAN: f32 = 10.0;
 
-/// Multiple of the mean hit around, over more pixels, that is added to it: where most batches are black, none is unusual.
+/// Multiple of the mean hit of a wider area that is added to the cap: if most batches are black, hits are usual.
 const OF_HITS: f32 = 4.0;
 
-/// Share of what a level lacks that the next one has where it is light that the level has not met.
+/// Least share of a level's missing light that the next level adds, if that light was missed and is no bias.
 const AT_ONCE: f32 = 0.8;
 
 /// Share of the light below which differences are rounding.
@@ -66,7 +66,7 @@ pub(super) struct Coarse {
     cells: Size,
     /// Means of the batches in every cell, by level.
     levels: Vec<[Vec<Vec3A>; BATCHES]>,
-    /// B: batches that have samples, the first ones.
+    /// B: number of leading batches that have samples.
     pub(super) count: usize,
     /// M of every cell, by level.
     hits: Vec<Vec<f32>>,
@@ -123,7 +123,7 @@ impl Coarse {
         };
         let all: Vec<_> = (0..levels).into_par_iter().map(level).collect();
         let (levels, mut hits): (Vec<_>, Vec<Vec<f32>>) = all.into_iter().unzip();
-        // A level that has met nothing: the same light comes in hits no smaller than a rougher level's.
+        // For levels without a hit: the same light comes in hits at least as large as a rougher level's.
         for k in (1..hits.len()).rev() {
             let (sharper, rougher) = hits.split_at_mut(k);
             let pairs = sharper[k - 1].iter_mut().zip(&rougher[0]);
@@ -138,7 +138,7 @@ impl Coarse {
         }
     }
 
-    /// Light that each level has missed around a pixel of the whole picture, from the light of every level there at two scales.
+    /// Light that each level has missed around a pixel of the whole picture, given all levels' light at two scales.
     pub(super) fn missing(
         &self,
         pixel: (usize, usize),
@@ -149,7 +149,7 @@ impl Coarse {
         self.hits.iter().enumerate().map(move |(level, hits)| {
             let size = corners.mean(hits);
             let light = light(level);
-            // Beside a hit the wider scale has light, and the narrow one has met nothing.
+            // Beside a hit the wider scale has light, and the narrow one has none.
             let [wide, narrow] = std::array::from_fn(|scale| roughest[scale] - light[scale]);
             Missing {
                 variance: wide.max(narrow).max(Vec3A::ZERO) * size / self.count as f32,
@@ -158,8 +158,8 @@ impl Coarse {
         })
     }
 
-    /// Factors that bring a picture, in its own pixels, to the energy of the best level at this scale: the rule of levels,
-    /// where a level that is too dark for what it should have met is not believed.
+    /// Factors that bring a picture, given by pixel, to the energy of the best level at this scale. It is chosen by the
+    /// rule for levels, where a level that is too dark for its expected hits counts as noisy.
     pub(super) fn energy(mut self, picture: impl Fn(usize) -> Vec3A + Sync) -> Energy {
         let (pixels, cells) = (self.pixels, self.cells);
         (self.levels.par_iter_mut().flatten()).for_each(|plane| tent(cells, RADIUS, plane));
@@ -177,7 +177,7 @@ impl Coarse {
         }
     }
 
-    /// The factor of a cell whose picture has so much light, from smooth levels.
+    /// The factor of a cell in which the picture has the light `have`, for smoothed levels.
     fn factor(&self, cell: usize, have: Vec3A) -> Vec3A {
         let levels = &self.levels;
         let batches: Vec<[Vec3A; BATCHES]> = levels
@@ -217,7 +217,7 @@ impl Coarse {
         pixels * self.count as f32 * grey(light) / size.max(f32::MIN_POSITIVE)
     }
 
-    /// Its size in cells.
+    /// Columns and rows of cells.
     pub(super) fn cells(&self) -> Size {
         self.cells
     }
@@ -229,7 +229,7 @@ impl Coarse {
         cells.map(of).collect()
     }
 
-    /// Means of a picture, in its own pixels, in every cell.
+    /// Means of a picture, given by pixel, over every cell.
     pub(super) fn means(&self, picture: impl Fn(usize) -> Vec3A + Sync) -> Vec<Vec3A> {
         let of = |cell: usize| {
             let inside = pixels_of(self.pixels, self.cells, cell);
@@ -241,8 +241,8 @@ impl Coarse {
     }
 }
 
-/// Light that the first of these levels, the sharpest, has not met; 0 where the rougher ones may be brighter by their bias. A bias grows
-/// with roughening to the last level. Light that is not met comes in at the next one, and those after it add hardly any.
+/// Light that the first of these levels, the sharpest, has missed; 0 if rougher levels may be brighter by their bias. A
+/// bias grows up to the last level. Missed light appears at the next level, and later levels add hardly any.
 fn unmet(means: &[Vec3A]) -> f32 {
     let [first, next, .., last] = means else {
         return 0.0;
@@ -301,15 +301,15 @@ impl Energy {
     }
 }
 
-/// Most light of a batch that is blurred: what is above is a firefly.
+/// Caps of the light of batches in blurs: light above them counts as fireflies.
 pub(super) struct Caps {
     cells: Size,
     most: Vec<Vec3A>,
 }
 
 impl Caps {
-    /// Caps of light by pixel and batch: a multiple of the median of batches around, and one of the mean of those that are not
-    /// black.
+    /// Caps by pixel of light by pixel and batch: a multiple of the median of the batches around, plus one of the mean
+    /// of those that are not black.
     pub(super) fn of(film: &LevelFilm, light: impl Fn(usize, usize) -> Vec3A + Sync) -> Self {
         let window = film.window();
         let pixels = (window.w as usize, window.h as usize);
@@ -338,7 +338,7 @@ impl Caps {
             cells,
             most: most
                 .map(|((median, mean), lit)| {
-                    // A filter's sum of nothing: without a hit around there is none to be usual.
+                    // Without a hit around, the mean hit would be 0/0.
                     let of_hits = if *lit > 0.0 { OF_HITS / lit } else { 0.0 };
                     *median * OF_MEDIAN + *mean * of_hits
                 })
@@ -346,7 +346,7 @@ impl Caps {
         }
     }
 
-    /// That of a pixel of the film.
+    /// The cap at a pixel of the film.
     pub(super) fn at(&self, pixel: (usize, usize)) -> Vec3A {
         Corners::of(self.cells, pixel).mean(&self.most)
     }
@@ -379,7 +379,7 @@ fn pixels_of(
     (y..bottom).flat_map(move |y| (x..right).map(move |x| y * width + x))
 }
 
-/// The four cells around a pixel, and their shares.
+/// The four cells around a pixel, and their bilinear weights.
 struct Corners([(usize, f32); 4]);
 
 impl Corners {

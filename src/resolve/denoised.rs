@@ -1,30 +1,30 @@
-//! The choice among levels and blurs, mixed with a denoiser's picture.
+//! The choice among levels and blurs, blended with a denoised picture.
 //!
-//! A filter of pictures is any function, so that no bound on its error is known. But independent samples judge it. With A₁ the choice of
-//! the first two of the four batches, F₁ their filtered mean and h₂ the mean of the other two
+//! A filter can be any function of a picture, so no bound on its error is known. But independent samples can judge it.
+//! With A₁ the choice of the first two of the four batches, F₁ their filtered mean and h₂ the mean of the other two
 //!
 //! ```text
 //! E[(A₁ − F₁) (A₁ − h₂)] = E[(A₁ − F₁) (A₁ − I)]        I what h₂ has for its mean
 //! ```
 //!
-//! whatever choice and filter do. Half of the samples have twice the noise of all. So with A₂, F₂ and h₁, the halves swapped,
+//! for any choice and filter. Half of the samples have twice the noise of all. So with A₂, F₂ and h₁ of swapped halves,
 //!
 //! ```text
 //! N = w [(A₁ − F₁) (A₁ − h₂) + (A₂ − F₂) (A₂ − h₁)] / 2 − w (A₁ − A₂) ((A₁ − F₁) − (A₂ − F₂)) / 4
 //! Q = w ((A₁ + A₂ − F₁ − F₂) / 2)²
 //! ```
 //!
-//! and E[N] / E[Q] is the share of the filter in the mix of choice and filter that has the least squared error. It is taken from the tents
-//! of N and Q around every pixel, and the more they are noise, from the sums over the picture:
+//! and E[N] / E[Q] is the share of the filter in the mix of choice and filter that has the least squared error. It is
+//! estimated from the tents of N and Q around every pixel and, the noisier these are, from the sums over the picture:
 //!
 //! ```text
 //! λ₀ = Σ N / Σ Q
 //! λ  = (a tent₄(N) tent₄(Q) + v λ₀) / (a tent₄(Q)² + v)        v = tent₄(N²) / τ², a independent pixels of a tent
 //! ```
 //!
-//! The picture is S + s (D − S): S the choice of all batches, D their filtered mean, s = (λ − 0.1) 7/6, in [0, 0.7]. Fine light that the
-//! filter has taken stays where the samples show it, and a lamp that the filter has spread stays as it is. Only w has seen all samples, since it
-//! is made of S: weights of the halves themselves are noisier, and their mix is worse (docs/lab/resolve.md).
+//! The picture is S + s (D − S): S the choice of all batches, D their filtered mean, s = (λ − 0.1) 7/6, in [0, 0.7].
+//! Detail that the filter removes stays where samples confirm it, and a lamp that the filter spreads stays sharp. Only
+//! w uses all samples, by S: weights from the halves are noisier and give a worse mix (docs/lab/resolve.md).
 
 use super::filter::{Size, tent};
 use super::{Resolve, Resolved, gain, resolve_film};
@@ -42,20 +42,20 @@ const INDEPENDENT: f32 = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32 * 2.25;
 /// τ: standard deviation of λ around λ₀.
 const SPREAD: f32 = 0.2;
 
-/// Most and least λ: shares are scaled so that the least one is none. What the filter smooths too much shows more than the squared
-/// error says, and what it spreads from a lamp reaches far.
+/// Largest and least λ; shares are scaled so that the least one becomes 0. Excessive smoothing is more visible than its
+/// squared error says, and light that a filter spreads from a lamp reaches far.
 const MOST: f32 = 0.7;
 const LEAST: f32 = 0.1;
 
-/// Radius in pixels at which brightness and noise are smoothed.
+/// Radius in pixels over which brightness and noise are smoothed.
 const NEAR: usize = 1;
 
 /// ε of relative errors, as in [`Resolved`].
 const EPSILON: f32 = 0.01;
 
-/// Mixes the choice among the levels of a film, made with these settings, with the picture of a denoiser, any function of a picture; fails
-/// where that does. A film of fewer than four samples has no batches to judge by: its samples are denoised, and nothing is known of the error.
-/// A film that is owned is gone before the denoiser takes its memory.
+/// Blends `resolved`, the choice in a film with these settings, with a denoised picture. Fails if `denoise` fails. A
+/// film of fewer than four samples has too few batches to judge: its mean is denoised, and the error is unknown. An
+/// owned film is dropped before the denoiser allocates memory.
 pub(crate) fn denoise_film<E>(
     film: Cow<'_, LevelFilm>,
     settings: Resolve,
@@ -87,7 +87,7 @@ pub(crate) fn denoise_film<E>(
     Ok(mix(resolved, &denoise(&all)?, &halves))
 }
 
-/// Pictures of two batches of a film.
+/// Pictures of two of the batches of a film.
 struct Half {
     raw: Buffer,
     chosen: Buffer,
@@ -130,11 +130,11 @@ fn shares(light: &Weights, halves: &[Half; 2]) -> Vec<f32> {
     (0..pixels).map(share).collect()
 }
 
-/// w of every pixel and channel: squared differences are relative, where the mean of the picture counts as 0.3.
+/// w of every pixel and channel, for squared errors relative to a picture scaled to a mean of 0.3.
 struct Weights {
     size: Size,
     own: Vec<Vec3A>,
-    /// The same of the picture as it is, as errors are stated.
+    /// Weights without that scaling, for stated errors.
     stated: Vec<Vec3A>,
 }
 
@@ -155,7 +155,7 @@ impl Weights {
     }
 }
 
-/// Mix of a filtered picture and a choice.
+/// Blends a filtered picture with a choice.
 fn mix(mut resolved: Resolved, filtered: &Buffer, halves: &[Half; 2]) -> Resolved {
     let weights = Weights::of(&resolved.picture);
     let shares = shares(&weights, halves);

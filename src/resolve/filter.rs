@@ -1,11 +1,11 @@
-//! Means over the pixels around.
+//! Box filters.
 
 use std::ops::{AddAssign, DivAssign};
 
 /// Width and height.
 pub(super) type Size = (usize, usize);
 
-/// A box filter applied twice, in place: about a tent of radius 2 `radius`. At the border a mean over the pixels inside.
+/// A box filter applied twice, in place: about a tent of radius 2 `radius`. At the border a mean over existing pixels.
 pub(super) fn tent<T>(size: Size, radius: usize, values: &mut [T])
 where
     T: Copy + Default + AddAssign + DivAssign<f32>,
@@ -14,7 +14,7 @@ where
     boxed(size, radius, values);
 }
 
-/// Mean over the square of radius `radius`, from 1 to 4, around every pixel, in place. At the border over the pixels inside.
+/// Mean over the square of radius `radius`, 1 to 4, around every pixel, in place. At the border over existing pixels.
 pub(super) fn boxed<T>(size: Size, radius: usize, values: &mut [T])
 where
     T: Copy + Default + AddAssign + DivAssign<f32>,
@@ -28,7 +28,7 @@ where
     }
 }
 
-/// The same over squares of `N` pixels a side, in one sweep that holds the means along `N` rows.
+/// [`boxed`] over squares of `N` pixels a side, in one sweep that buffers the row means of `N` rows.
 fn boxed_over<T, const N: usize>((width, height): Size, values: &mut [T])
 where
     T: Copy + Default + AddAssign + DivAssign<f32>,
@@ -46,7 +46,7 @@ where
                 let near = &old[around(x, width)];
                 row[x] = mean(near.len(), |i| near[i]);
             }
-            // What has all around it, in a long loop.
+            // Pixels with all neighbours, in a long loop without branches.
             let inner = &mut row[left..right];
             let count = inner.len();
             let near: [&[T]; N] =

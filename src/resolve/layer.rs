@@ -1,65 +1,65 @@
-//! The rule: one candidate of a layer of light for every pixel.
+//! The rule that chooses one candidate of a layer of light for every pixel.
 
 use super::filter::{Size, boxed, tent};
 use crate::image::level_film::BATCHES;
 use crate::math::Vec3A;
 
-/// r: radius in pixels at which noise and bias are smoothed.
+/// r: radius in pixels over which noise and bias are smoothed.
 pub(super) const RADIUS: usize = 1;
 
-/// Radii in pixels at which a difference between candidates may be significant, with the sum of the squared weights of the
-/// filter along one axis.
+/// Radii in pixels at which a difference between candidates may be significant, with the sum of the squared weights of
+/// the filter along one axis.
 const SCALES: [(usize, f32); 2] = [(RADIUS, 19.0 / 81.0), (WIDE_RADIUS, 231.0 / 2401.0)];
 
-/// The larger of them.
+/// The larger of the [`SCALES`].
 pub(super) const WIDE_RADIUS: usize = 3;
 
-/// Standard deviations of the smoothed U without bias from which a difference of four batches is significant; more of fewer.
+/// Standard deviations of an unbiased U from which a difference of four batches is significant; more for fewer.
 const SIGNIFICANT: f32 = 4.0;
 
-/// Share that counts of a difference of four batches that is not, at most the U of the wider radius; of fewer as the square of their number.
+/// Share that counts of an insignificant difference of four batches, up to the wider U; for n batches times (n/4)².
 const DOUBTFUL: f32 = 0.4;
 
 /// Radius in pixels of the filter of the shares of candidates.
 pub(super) const SHARE_RADIUS: usize = 1;
 
-/// Radius in pixels of the square around a pixel in which its choice must be common, and the least share of the pixels there that have
-/// taken no wider blur, by the number of the blur; the last one of all wider ones. No square has exactly such a share.
+/// By the number of a blur: radius in pixels of the square in which a choice must be common, and least share of the
+/// pixels there that have no wider blur. The last entry holds for all wider blurs. No square has exactly such a share.
 const COMMON: [(usize, f32); 3] = [(3, 0.37), (3, 0.37), (COMMON_RADIUS, 0.49)];
 
 /// The largest of these radii.
 pub(super) const COMMON_RADIUS: usize = 4;
 
-/// Share of the weight of the darkest pixel around that the noise of a blurred layer has at least.
+/// Least weight of the noise of a blurred layer, as a share of the weight of the darkest pixel around.
 const DARK: f32 = 0.5;
 
-/// Factor on the error of a blurred candidate: it must be the better one beyond doubt.
+/// Factor on the error of a blurred candidate: it must be clearly better to be chosen.
 const CAUTION: f32 = 1.5;
 
 /// Light of some pixels in batches.
 pub(super) type Batches = Vec<[Vec3A; BATCHES]>;
 
-/// A picture that a layer may take.
+/// A candidate picture of a layer.
 pub(super) struct Candidate {
-    /// Its level of roughening.
+    /// Level of roughening.
     pub(super) level: u8,
     /// The light.
     pub(super) light: Batches,
-    /// Numbers of the candidates that it is judged against.
+    /// Indices of the candidates that it is compared with.
     pub(super) sharper: Vec<usize>,
     /// Variance of light that it has missed, if any.
     pub(super) missing: Option<Vec<Vec3A>>,
     /// Number of its blur, ascending with the width; 0 for none.
     pub(super) blur: usize,
-    /// Number of the candidate with the next wider blur of the same light.
+    /// Index of the candidate with the next wider blur of the same light.
     pub(super) wider: Option<usize>,
-    /// True if a difference that may be chance counts less: that of a blur. Roughening is a bias for sure.
+    /// True if insignificant differences count less, as for blurs. Roughening certainly has a bias.
     pub(super) doubted: bool,
-    /// True if light that it takes across an edge counts as on the dark side of it, as its noise does.
+    /// True if light that it takes across an edge is weighted as on the dark side, as its noise is.
     pub(super) dark_side: bool,
 }
 
-/// w of every pixel and channel, for what is seen there, and for the darkest pixel around.
+/// w of every pixel and channel, for the light there, and for the darkest pixel around.
 pub(super) struct Weights {
     pub(super) own: Vec<Vec3A>,
     pub(super) dark: Vec<Vec3A>,
@@ -67,17 +67,17 @@ pub(super) struct Weights {
 
 /// The best candidate of every pixel.
 pub(super) struct Choice {
-    /// Number of the candidate.
+    /// Index of the candidate.
     pub(super) chosen: Vec<u8>,
-    /// Its squared bias, weighted.
+    /// Weighted squared bias of the candidate.
     pub(super) bias2: Vec<f32>,
-    /// Its variance, weighted.
+    /// Weighted variance of the candidate.
     pub(super) variance: Vec<f32>,
 }
 
 impl Choice {
-    /// Chooses among candidates in ascending order of what they take from the picture: the first of the best, and a wider blur of it where
-    /// this one is not [`common`]. The first `batches` of them have samples.
+    /// Chooses the first candidate of the least error, and a wider blur of it where the choice is not [`common`].
+    /// Candidates are in ascending order of smoothing. The first `batches` batches have samples.
     pub(super) fn of(
         size: Size,
         candidates: &[Candidate],
@@ -93,7 +93,7 @@ impl Choice {
         }
     }
 
-    /// The same where the first `N` batches have samples.
+    /// [`Self::of`] for `N` batches with samples.
     fn of_batches<const N: usize>(
         size: Size,
         candidates: &[Candidate],
@@ -111,7 +111,7 @@ impl Choice {
             .map(|(own, dark)| own.max(DARK * *dark))
             .collect();
         let mut least = vec![f32::INFINITY; pixels];
-        // Variances and squared biases; the former are those that others are judged against.
+        // Variances, which later candidates are compared with, and squared biases.
         let mut anchors: Vec<Vec<f32>> = Vec::with_capacity(candidates.len());
         let mut biases: Vec<Vec<f32>> = Vec::with_capacity(candidates.len());
         for (k, candidate) in candidates.iter().enumerate() {
@@ -139,7 +139,7 @@ impl Choice {
         all
     }
 
-    /// Means of the candidates, and their batches, blended as they were chosen, without hard edges.
+    /// Means and batches of the chosen candidates, blended without hard edges.
     pub(super) fn blend(
         &self,
         size: Size,
@@ -165,9 +165,9 @@ impl Choice {
     }
 }
 
-/// Choices less those that chance makes: a pixel takes the next wider blur where too few pixels around have taken one as narrow as its
-/// own, of all and of those on its surface. An estimate of four batches prefers a narrow candidate by chance in single pixels, and a
-/// feature of the picture does so in many.
+/// The choices without those due to chance: a pixel takes the next wider blur if too few pixels around have a blur as
+/// narrow, among all of them or among those on its surface. Four batches prefer a narrow candidate by chance in single
+/// pixels, and at a feature of the picture in many.
 pub(super) fn common(
     size: Size,
     candidates: &[Candidate],
@@ -196,8 +196,8 @@ pub(super) fn common(
     taken
 }
 
-/// True if [`share_of_alike`] of values of 0 and 1 is less than this. It is so in most pixels on an even surface, and a few of the
-/// others' weights show it.
+/// True if [`share_of_alike`] of values of 0 and 1 is less than `least`. On an even surface it is less in most pixels,
+/// and a few weights of values of 0 prove it.
 pub(super) fn is_rare(
     size: Size,
     radius: usize,
@@ -219,11 +219,11 @@ pub(super) fn is_rare(
             return true;
         }
     }
-    // Where the order of the sums may decide, it is the plain one.
+    // If the order of summation may decide, the plain order is used.
     others >= fewest && share_of_alike(size, radius, values, pixel, alike) < least
 }
 
-/// Mean of the values in the square around a pixel, weighted by how much their pixels are like it.
+/// Mean of the values in the square around a pixel, weighted by the similarity of their pixels to it.
 pub(super) fn share_of_alike(
     size: Size,
     radius: usize,
@@ -239,7 +239,7 @@ pub(super) fn share_of_alike(
     sum / all
 }
 
-/// The pixels in the square around one, row by row, and how far to the right and below they are.
+/// The pixels in the square around one, row by row, and their offsets to the right and down.
 fn around(
     (width, height): Size,
     radius: usize,
@@ -292,7 +292,7 @@ fn bias<const N: usize>(
             pairs.map(|(ours, theirs)| apart::<N>(ours, theirs))
         };
         let mut smooth: Vec<Vec3A> = differences().map(|d| squared_difference(&d)).collect();
-        // Only light of rare hits has no other sign of a coincidence.
+        // Only light of rare hits needs this check for coincidences.
         if one.missing.is_some() {
             smooth = seen_again(size.0, &smooth, |i| {
                 without_largest(&apart::<N>(&one.light[i], &candidates[anchor].light[i]))
@@ -323,9 +323,9 @@ fn apart<const N: usize>(ours: &[Vec3A; BATCHES], theirs: &[Vec3A; BATCHES]) -> 
     std::array::from_fn(|b| ours[b] - theirs[b])
 }
 
-/// Most bias that U shows where it may be a chance of few batches: that of the wider radius. Infinite where U is significant at one of
-/// the [`SCALES`]. Without bias the variance of U is 2 B / (B − 1) times the square of the variance of the mean of B batches. Without
-/// this test a pixel in two hundred takes the picture as it is, by chance. The variance of fewer batches is known less.
+/// Upper bound of the bias where U may be due to chance: U at the wider radius. Infinite where U is significant at one
+/// of the [`SCALES`]. Without bias the variance of U is 2 B / (B − 1) times the squared variance of the mean of B
+/// batches, which is less certain for fewer. Without this test one pixel in two hundred takes no blur by chance.
 fn doubtful(size: Size, squares: Vec<f32>, variances: Vec<f32>, batches: usize) -> Vec<f32> {
     let b = batches as f32;
     let z = SIGNIFICANT * BATCHES as f32 / b * (2.0 * b / (b - 1.0)).sqrt();
@@ -345,14 +345,14 @@ fn doubtful(size: Size, squares: Vec<f32>, variances: Vec<f32>, batches: usize) 
     most
 }
 
-/// Squared differences that something confirms: one of the pixels around shows as much, or the batches of the pixel do without
-/// the one that differs most. Hits of several batches that meet in one pixel by chance would be a bias that no noise explains.
+/// Squared differences, limited to those of a pixel around, or of the pixel's batches without the one that differs
+/// most. Hits of several batches that coincide in one pixel would look like a bias.
 pub(super) fn seen_again(
     width: usize,
     squares: &[Vec3A],
     without_largest: impl Fn(usize) -> Vec3A,
 ) -> Vec<Vec3A> {
-    // The largest beside every pixel, and of three in a row.
+    // The largest of both neighbours in a row, and of these with the pixel itself.
     let mut beside = vec![Vec3A::ZERO; squares.len()];
     let mut rows = squares.to_vec();
     let lines = rows.chunks_exact_mut(width);
@@ -383,7 +383,7 @@ pub(super) fn seen_again(
     (0..squares.len()).map(confirmed).collect()
 }
 
-/// The squared difference of the batches but the one that has most of it, by channel; of two batches, which leave one, none.
+/// The squared difference of all batches but the one that contributes most, by channel; 0 for two batches.
 pub(super) fn without_largest(differences: &[Vec3A]) -> Vec3A {
     let batches = differences.len();
     if batches < 3 {
@@ -410,7 +410,7 @@ pub(super) fn weighted(values: &[Vec3A], weights: &[Vec3A]) -> Vec<f32> {
     pairs.map(|(v, w)| v.dot(*w) / 3.0).collect()
 }
 
-/// U: an unbiased estimate of the squared mean of independent numbers of one mean; below 0 by chance.
+/// U: an unbiased estimate of the squared mean of independent numbers with equal means; negative by chance.
 pub(super) fn squared_difference(d: &[Vec3A]) -> Vec3A {
     let (sum, squares) = d.iter().fold((Vec3A::ZERO, Vec3A::ZERO), |(s, q), d| {
         (s + *d, q + *d * *d)
@@ -425,7 +425,7 @@ pub(super) fn variance_of_mean(x: &[Vec3A]) -> Vec3A {
     squares / (x.len() * (x.len() - 1)) as f32
 }
 
-/// Median of the batches by channel, of an even number of them the mean of the middle two.
+/// Median of the batches by channel; for an even number the mean of the middle two.
 pub(super) fn median(x: &[Vec3A]) -> Vec3A {
     let channel = |c: usize| {
         let mut sorted = [0.0; BATCHES];

@@ -12,27 +12,27 @@
 //! k*   = argmin b_k + w V_k
 //! ```
 //!
-//! U includes roughened light only if it is confirmed: a neighbouring pixel shows as much, or the pixel's own batches do
+//! U of roughened light needs confirmation: it is limited to U of a neighbouring pixel, or of the pixel's own batches
 //! without the one that differs most.
 //!
-//! Rougher levels are not always less noisy: the variances are taken as they are.
+//! Rougher levels are not always less noisy, so the variances are not forced to decrease.
 //!
-//! The picture is the sum of two layers, each of which is chosen by itself (`layer.rs`): the light that all levels share,
-//! as it is or blurred along the first surface without its fireflies, and the light of roughened vertices at one of the
-//! levels, as it is or blurred along the first rough surface (`guide.rs`). What a blur takes across an edge, light or noise,
-//! is weighted for the darkest of the pixels around.
+//! The picture is the sum of two layers with separate choices (`layer.rs`). One is the light that all levels share,
+//! sharp or blurred along the first surface without fireflies. The other is the light of roughened vertices at one of
+//! the levels, sharp or blurred along the first rough surface (`guide.rs`). Light and noise that a blur takes across an
+//! edge are weighted as at the darkest pixel around.
 //!
-//! A level that has met nothing looks free of noise. So V_k also includes the variance of light that level k has missed,
+//! A level without any hit looks free of noise. So V_k also includes the variance of light that level k has missed,
 //! weighted by the chance of missing it (`coarse.rs`).
 //!
-//! A choice that few pixels around share is a chance of four batches: such a pixel takes a wider blur (`layer::common`).
+//! A choice that few pixels around share is due to chance: such a pixel takes a wider blur (`layer::common`).
 //!
-//! A layer is Σ_k tent_1(1[k* = k]) of its candidates, brought to the energy of the best level at a coarse
-//! scale by a smooth factor: the energy correction adds no visible structure. Light that was cut from the only level of a film
-//! comes back surface by surface first (`surfaces.rs`).
+//! A layer is Σ_k tent_1(1[k* = k]) of its candidates, times a smooth factor that restores the energy of the best level
+//! at a coarse scale without visible structure. In a film of one level, light that was cut is first restored surface by
+//! surface (`surfaces.rs`).
 //!
-//! Candidates are chosen in tiles with as much around them as filters reach (`tiles.rs`), sizes of hits and energy are taken
-//! on cells of whole pictures: a film takes little memory beside its own.
+//! To save memory, candidates are computed in tiles with the margins that filters reach (`tiles.rs`), and sizes of hits
+//! and energies on cells of the whole picture.
 
 mod coarse;
 mod denoised;
@@ -70,14 +70,14 @@ pub struct Resolved {
     pub level: Vec<u8>,
     /// Estimated squared bias of the chosen level, relative: over the squared picture + ε, mean of the channels.
     pub bias2: Vec<f32>,
-    /// Estimated variance of the chosen level, relative likewise.
+    /// Estimated variance of the chosen level, relative in the same way.
     pub variance: Vec<f32>,
-    /// Mean absolute noise of every pixel, red, green and blue added up, in units of the picture.
+    /// Mean absolute noise of every pixel, summed over red, green and blue, in units of the picture.
     pub noise: Vec<f32>,
 }
 
 impl Resolved {
-    /// Level 0 of a film, of whose error nothing is known.
+    /// Level 0 of a film, with an unknown error.
     fn unknown(film: &LevelFilm) -> Self {
         let picture = film.mean(0);
         let unknown = Self {
@@ -90,7 +90,7 @@ impl Resolved {
         unknown.of_unknown_error()
     }
 
-    /// The same picture, of whose error nothing is known.
+    /// The same picture with an unknown error.
     fn of_unknown_error(self) -> Self {
         let pixels = self.level.len();
         Self {
@@ -101,8 +101,8 @@ impl Resolved {
         }
     }
 
-    /// Error map: the relative error to be expected of every pixel, without a reference. Its mean is the average error of the
-    /// [statement](Self::statement), to what the border adds. Infinite where nothing is known.
+    /// Error map: expected relative error of every pixel, estimated without a reference. Its mean is the average error
+    /// of the [statement](Self::statement), up to effects at the border. Infinite if the error is unknown.
     pub fn error(&self) -> Vec<f32> {
         let pixels = &self.picture.pixels;
         if !self.is_known() {
@@ -115,7 +115,7 @@ impl Resolved {
         statement::smoothed(self.picture.size(), errors)
     }
 
-    /// Squared relative error to be expected of every pixel, bias and variance; their mean is the squared root of the
+    /// Expected squared relative error of every pixel, bias plus variance. Its mean is the squared root of the
     /// [statement](Self::statement).
     pub fn squares(&self) -> impl Iterator<Item = f32> {
         let pairs = self.bias2.iter().zip(&self.variance);
@@ -127,7 +127,7 @@ impl Resolved {
         self.variance.iter().all(|v| v.is_finite())
     }
 
-    /// Channels for EXR files: `level`; where a film had an estimate of its noise `bias2` and `variance` too.
+    /// Channels for EXR files: `level`, and if the error is known `bias2` and `variance`.
     pub(crate) fn channels(&self) -> Vec<Plane<'_>> {
         let count = self.level.len();
         let level = Plane::new("level", "", count, |i| f32::from(self.level[i]));
@@ -152,9 +152,9 @@ impl Resolved {
     }
 }
 
-/// Chooses for every pixel of a film. Where it may be blurred, a film of one sample is taken as two halves of its pixels, which need as much
-/// memory as the film. Else, and where more than a hundredth of the pixels have no sample, its picture is level 0. In both cases the error is
-/// unknown, and given as infinite.
+/// Chooses a candidate for every pixel of a film. A film of one sample is split into two halves if blurs are allowed
+/// and memory for another film is free. Otherwise, and if more than a hundredth of the pixels have no sample, the
+/// picture is level 0. In both cases the error is unknown, and infinite.
 pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
     let choose = |film: &LevelFilm| {
         let limits = Limits::of(settings, film.levels());
@@ -168,7 +168,7 @@ pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
             }
             resolved
         }
-        // Halves share all that their one sample has missed: their error is not stated.
+        // Both halves have missed the same light, since they share one sample: no error is stated.
         None if settings == Resolve::Default && has_halves(film) => {
             choose(&halves(film)).of_unknown_error()
         }
@@ -176,7 +176,7 @@ pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
     }
 }
 
-/// True for a film of one sample, if there is memory for its halves: estimates of a render's memory do not have them.
+/// True for a film of one sample with memory for its halves, which the memory estimate of a render does not include.
 fn has_halves(film: &LevelFilm) -> bool {
     let pixels = film.window().len();
     let weights = (pixels * size_of::<[f32; 4]>()) as u64;
@@ -184,15 +184,15 @@ fn has_halves(film: &LevelFilm) -> bool {
     film.batches() == 1 && memory::check("halves of a sample", needed).is_ok()
 }
 
-/// Rows of a picture whose guides are there at once.
+/// Rows of a picture whose guides are computed at once.
 const ROWS: u32 = 64;
 
-/// The halves of a film of one sample, of which a pixel takes light from beside it along both its surfaces.
+/// The halves of a film of one sample. The weight of a neighbour is the product of its weights along both surfaces.
 fn halves(film: &LevelFilm) -> LevelFilm {
     let window = film.window();
     let end = window.y + window.h;
     let weights = |first: u32| {
-        // With a row on each side, in which edges and slopes are looked for.
+        // With a row on each side for edges and slopes.
         let y = first.saturating_sub(1).max(window.y);
         let h = (first + ROWS + 1).min(end) - y;
         let features = film.features_of(&Window { y, h, ..window });
@@ -211,8 +211,8 @@ fn halves(film: &LevelFilm) -> LevelFilm {
     film.halves(&bands.concat())
 }
 
-/// Stated error of a picture with these settings of the choice: that of the chosen level of every pixel if there are
-/// several levels, else the noise of its film.
+/// Stated error of a picture with these settings: that of the choice if the picture has a film in batches and the
+/// settings choose, else that of the noise of its samples.
 pub fn stated_error(picture: &Picture, settings: Resolve) -> Statement {
     match &picture.levels {
         Some(film) if settings != Resolve::None => match film.batches() {
@@ -223,21 +223,21 @@ pub fn stated_error(picture: &Picture, settings: Resolve) -> Statement {
     }
 }
 
-/// Error that a picture is stopped at: the stated one, and more where few bright samples decide it.
+/// Error to compare with a target error: the stated error, raised where few bright samples dominate it.
 pub fn stopping_error(picture: &Picture) -> f64 {
     stated_error(picture, Resolve::default()).bound()
 }
 
-/// The same of a picture that is shown without a choice, as the mean of its samples: the larger one of the errors that its samples
-/// and its batches state.
+/// [`stopping_error`] of a picture that is the mean of its samples, without a choice: the larger of the errors
+/// estimated from samples and from batches.
 pub(crate) fn stopping_error_of_samples(picture: &Picture) -> f64 {
     let of_batches = |film| resolve_film(film, Resolve::None).statement().mean;
     let shown = picture.levels.as_ref().map_or(0.0, of_batches);
     film_error(&picture.film).bound().max(shown)
 }
 
-/// Share of the light of a picture of several levels that plain path tracing cannot find: that of lights without area at
-/// the end of Dirac lobes. 0 for one level.
+/// Share of the light of a picture of several levels that plain path tracing cannot find: lights without area seen via
+/// Dirac lobes. 0 for one level.
 pub fn unseen_share(picture: &Picture) -> f64 {
     let sum = |pixels: &mut dyn Iterator<Item = Rgb>| -> f64 {
         pixels.map(|p| f64::from(p.element_sum())).sum()
@@ -250,9 +250,9 @@ pub fn unseen_share(picture: &Picture) -> f64 {
     if all > 0.0 { 1.0 - plain / all } else { 0.0 }
 }
 
-/// Chooses in tiles with `edge` pixels a side; at least two batches have a sample.
+/// Chooses in tiles with `edge` pixels a side; at least two batches must have samples.
 fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
-    // The layer that is blurred with all its fireflies: where there are several levels others know those of the second one.
+    // The layer whose fireflies are capped before blurs; roughened light of several levels has no caps.
     let blurred = |pixel, batch| match film.levels() {
         1 => only_light(film, pixel, batch),
         levels => film.batch_mean(pixel, batch, levels).into(),
@@ -272,7 +272,7 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
         mut noise,
         layers: [mut p, mut r],
     } = whole.choose(edge);
-    // Fireflies are cut from the only level, and its batches alone tell light from chance.
+    // Light of fireflies was cut from the only level, and its batches decide how much of it to restore.
     let surfaces = match film.levels() {
         1 => surfaces::factors(film, &whole.roughened, &whole.caps, &r),
         _ => Vec::new(),
@@ -307,7 +307,7 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
     }
 }
 
-/// Light of a batch of a film of one level that its blurs take.
+/// Light that blurs use, of a batch of a film of one level: without the shared light, at least 0.
 fn only_light(film: &LevelFilm, pixel: usize, batch: usize) -> Vec3A {
     let all = film.batch_mean(pixel, batch, 0) - film.batch_mean(pixel, batch, 1);
     all.max(Rgb::ZERO).into()

@@ -1,18 +1,18 @@
-//! The error that a picture states about itself.
+//! The error that is estimated and stated with a picture.
 //!
-//! **The average error** is the mean absolute relative error, a number that samples can tell: few pixels of light that nobody has met
-//! do not decide it. Two halves of the samples, under the choice of all, differ by their noise; what both share, bias and light that
-//! neither has met, is the same share of the error nearly everywhere. So the noise times a constant is the error.
+//! **The average error** is the mean absolute relative error. Samples can estimate it, because a few pixels with missed
+//! light do not dominate it. Two halves of the samples, with the choice of all, differ by their noise. Bias and missed
+//! light are common to both, and nearly everywhere the same share of the error. So the error is the noise times a
+//! constant.
 //!
-//! **The root** of the relMSE is decided by bright samples. The squared error of a pixel is its variance over its squared
-//! brightness + ε, as in relMSE. A pixel's own mean is as
-//! noisy as its variance: where light comes as rare hits both are large or both are small, and their quotient is at most
-//! about 1, whatever the hits bring. So the brightness is pooled over the smallest block of pixels, of 2, 4, 8 and so on a
-//! side, whose mean is known to half of itself. A picture that is black has an error of 1: nothing was met, which
-//! says nothing about what is there.
+//! **The root** of the relMSE is dominated by bright samples. The squared error of a pixel is its variance over its
+//! squared brightness + ε, as in relMSE. A pixel's own mean is as noisy as its variance: where light comes as rare hits
+//! both are large or both are small, and their quotient is at most about 1 for hits of any size. So the brightness is
+//! pooled over the smallest block of pixels, of 2, 4, 8 and so on a side, whose mean is known to half of itself. A
+//! black picture has an error of 1, although its samples give no evidence of the light that is there.
 //!
-//! **The error map** is the average error pixel by pixel. The noise of a pixel is that of three differences of its halves, and chance
-//! makes some of them small. So the map is smoothed by a tent of two pixels, which keeps its mean.
+//! **The error map** is the average error pixel by pixel. The noise of a pixel is estimated from three differences of
+//! its halves, some of which are small by chance. So the map is smoothed by a tent of two pixels, which keeps its mean.
 
 use super::filter::{Size, tent};
 use crate::image::film::Film;
@@ -20,25 +20,25 @@ use crate::image::relative::{EPSILON, mean_of, relative_errors};
 use crate::math::moments::Moments;
 use crate::math::{DVec3, Rgb};
 
-/// Relative standard error at which the mean of a block counts as known: that of four hits. Of the blocks and bounds tried on scenes of
-/// caustics at 32 samples these are nearest to the true error: 0.76 to 2.6 of its square.
+/// Relative standard error at which the mean of a block counts as known: that of four hits. Of the blocks and bounds
+/// tried on scenes of caustics at 32 samples these are nearest to the true error: 0.76 to 2.6 of its square.
 const KNOWN: f64 = 0.5;
 
-/// Mean absolute error of a pixel over the mean absolute noise that halves of its samples show: what both halves share, bias and
-/// light that neither has met, is the same share nearly everywhere. The inverse of the median, measured in docs/lab/average_error.md.
+/// Ratio of a pixel's mean absolute error to the mean absolute noise between halves: bias and missed light, which both
+/// share, are the same share nearly everywhere. The inverse of the median, measured in docs/lab/average_error.md.
 const SHARED: f64 = 1.65;
 
-/// The same over the noise that the variance of raw means shows, without blurs and roughening.
+/// The same ratio for raw means, without blurs and roughening, whose noise is estimated from their variance.
 const UNMET: f64 = 1.1;
 
-/// Average error over what it was, where the variance of a picture is this part of what it was and nothing else has changed; of a
-/// picture that was `chosen` among levels and blurs, or of raw means. The square of what is stated beyond noise is what stays.
+/// Factor on the average error if a picture's variance is multiplied by `variance`. `chosen` is true for a choice among
+/// levels and blurs, false for raw means. The squared stated error beyond noise stays.
 pub fn error_of_less_noise(variance: f64, chosen: bool) -> f64 {
     let stated: f64 = if chosen { SHARED } else { UNMET };
     (1.0 + (variance - 1.0) / (stated * stated)).sqrt()
 }
 
-/// Radius in pixels at which the error map is smoothed.
+/// Radius in pixels over which the error map is smoothed.
 const RADIUS: usize = 1;
 
 /// Mean absolute value over standard deviation, of normal numbers: √(2/π).
@@ -47,31 +47,31 @@ const ABSOLUTE: f64 = 0.797_884_560_8;
 /// Stated error of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statement {
-    /// Average error: the [mean relative error](relative_errors) to be expected, at most 1. Infinite where there are too few
-    /// samples to tell.
+    /// Average error: the expected [mean relative error](relative_errors), at most 1. Infinite with too few samples for
+    /// an estimate.
     pub mean: f64,
-    /// Root of the relMSE to be expected. Infinite where there are too few samples to tell.
+    /// Expected root of the relMSE. Infinite with too few samples for an estimate.
     pub root: f64,
-    /// Relative standard error of its square, 1 / √n where n pixels carry it: above about 0.3 few bright samples decide.
+    /// Relative standard error of `root`², 1 / √n if n pixels carry it: above about 0.3 few bright samples decide.
     pub doubt: f64,
 }
 
 impl Statement {
-    /// Nothing is known.
+    /// The error is unknown.
     pub(super) const UNKNOWN: Self = Self {
         mean: f64::INFINITY,
         root: f64::INFINITY,
         doubt: f64::INFINITY,
     };
 
-    /// Nothing was met.
+    /// Error of a black picture.
     pub(super) const BLACK: Self = Self {
         mean: 1.0,
         root: 1.0,
         doubt: 1.0,
     };
 
-    /// From squared relative errors of pixels, and the average error.
+    /// Statement of squared relative errors of pixels and an average error.
     fn of(squares: impl Iterator<Item = f64>, mean: f64) -> Self {
         let (mut sum, mut fourth, mut count) = (0.0, 0.0, 0u64);
         for square in squares {
@@ -86,7 +86,7 @@ impl Statement {
         }
     }
 
-    /// From squared relative errors of pixels and their mean absolute noise, see [`Resolved::noise`](super::Resolved::noise).
+    /// Statement of squared relative errors and mean absolute noise, see [`Resolved::noise`](super::Resolved::noise).
     pub(super) fn of_resolved(
         squares: impl Iterator<Item = f64>,
         picture: &[Rgb],
@@ -95,12 +95,12 @@ impl Statement {
         Self::of(squares, mean_of(errors_of_resolved(picture, noise)))
     }
 
-    /// Average error that is not exceeded by chance: as far above it as the root is below two standard errors of its square.
+    /// Upper bound of the average error, raised as the root is by two standard errors of its square.
     pub fn bound(&self) -> f64 {
         self.mean * (1.0 + 2.0 * self.doubt).sqrt()
     }
 
-    /// The same with light that is missing: squared relative darkness of all pixels.
+    /// The statement with missing light added: `squares` are squared missing shares of all pixels.
     pub(crate) fn with_missing(self, squares: &[f32]) -> Self {
         let count = squares.len().max(1) as f64;
         let sum: f64 = squares.iter().map(|&x| f64::from(x)).sum();
@@ -133,8 +133,8 @@ pub fn film_error(film: &Film) -> Statement {
     }
 }
 
-/// Error map of a film of one level, of whichever integrator: the relative error to be expected of every pixel. Its mean is the
-/// [average error](film_error), to what the border adds. `None` where there are too few samples to tell. The bias of merges is no part of it.
+/// Error map of a film of one level: expected relative error of every pixel, without the bias of merges. Its mean is
+/// the [average error](film_error), up to effects at the border. `None` with too few samples.
 pub fn film_errors(film: &Film) -> Option<Vec<f32>> {
     let size = (film.window.w as usize, film.window.h as usize);
     match state(film) {
@@ -144,21 +144,21 @@ pub fn film_errors(film: &Film) -> Option<Vec<f32>> {
     }
 }
 
-/// The error map, from expected relative errors of pixels.
+/// The error map of expected relative errors of pixels.
 pub(super) fn smoothed(size: Size, errors: impl Iterator<Item = f64>) -> Vec<f32> {
     let mut errors = errors.map(|error| error as f32).collect::<Vec<_>>();
     tent(size, RADIUS, &mut errors);
     errors
 }
 
-/// Relative errors to be expected of the pixels of a picture of this mean absolute noise.
+/// Expected relative errors of the pixels of a picture with this mean absolute noise.
 pub(super) fn errors_of_resolved(picture: &[Rgb], noise: &[f32]) -> impl Iterator<Item = f64> {
     let light = picture.iter().map(|p| f64::from(p.element_sum()));
     let noise = noise.iter().map(|&noise| SHARED * f64::from(noise));
     relative_errors(light, noise)
 }
 
-/// The same of raw means.
+/// Expected relative errors of the pixels of raw means.
 fn errors_of_film(film: &Film) -> impl Iterator<Item = f64> {
     let light = film.pixels.iter().map(|m| m.mean.element_sum());
     let deviation = |m: &Moments| m.variance_of_mean().map(f64::sqrt).element_sum();
@@ -166,7 +166,7 @@ fn errors_of_film(film: &Film) -> impl Iterator<Item = f64> {
     relative_errors(light, noise)
 }
 
-/// Knowledge of a film about itself.
+/// Kinds of films for which a statement differs.
 enum State {
     Unknown,
     Black,
@@ -218,12 +218,12 @@ fn squares(film: &Film) -> impl Iterator<Item = f64> {
 struct Block {
     pixels: f64,
     sum: DVec3,
-    /// Variance of the sum, the channels added up.
+    /// Variance of the sum, summed over channels.
     variance: f64,
 }
 
 impl Block {
-    /// The squared brightness, without what noise adds to the square of a mean.
+    /// The squared brightness, corrected for the noise in the square of a mean.
     fn square(&self) -> DVec3 {
         let noise = self.variance / self.sum.length_squared().max(f64::MIN_POSITIVE);
         let mean = self.sum / self.pixels;
@@ -247,7 +247,7 @@ impl Blocks {
         &self.blocks[y * self.size.0 + x]
     }
 
-    /// Blocks of twice the side as these, of a picture of this size in them.
+    /// Blocks of twice the side; `all` are the blocks of a picture of this size in blocks.
     fn halved((width, height): (usize, usize), all: impl Iterator<Item = Block>) -> Self {
         let size = (width.div_ceil(2), height.div_ceil(2));
         let mut blocks = vec![Block::default(); size.0 * size.1];

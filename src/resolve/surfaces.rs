@@ -1,15 +1,15 @@
-//! Light that blurs cut, given back on the surface that it was cut from.
+//! Restores light that was cut before blurs, on the surface that it was cut from.
 //!
-//! Over Gaussians of 8 pixels that stop at edges, on cells, with D = R − R_chosen in each batch, R' the chosen light and C what
-//! fireflies have above their caps:
+//! With means by Gaussians of 8 pixels on cells, stopped at edges, of D = R − R_chosen in each batch, R' the chosen
+//! light and C the light of fireflies above their caps:
 //!
 //! ```text
 //! m = mean of D,  at least 0 and at most C,  V = variance of the mean of D
 //! f = 1 + m / R' · max(0, 1 − 2 V / m²)        at most 2½
 //! ```
 //!
-//! A hit that one batch alone has is not believed. A pixel takes f from the cells around that show its surface: what is given
-//! back has no shape of its own, and does not light what is beside or behind.
+//! A hit in only one batch restores nothing. A pixel takes f from the cells around on its surface: restored light adds
+//! no structure, and does not light surfaces beside or behind.
 
 use super::coarse::{CELL, Caps, Coarse, brought};
 use super::filter::Size;
@@ -21,16 +21,16 @@ use crate::image::level_film::{BATCHES, FEATURES, Features, LevelFilm};
 use crate::math::{Rgb, Vec3A};
 use rayon::prelude::*;
 
-/// Standard deviation in cells over which light is compared.
+/// Standard deviation in cells of the Gaussians.
 const SIGMA: f32 = 2.0;
 
 /// Largest factor.
 const MOST: f32 = 2.5;
 
-/// Rows of cells that are taken at once.
+/// Rows of cells that are processed at once.
 const BAND: usize = 4;
 
-/// Factors that bring a picture of the light of roughened vertices nearer to its only level, surface by surface.
+/// Factors that bring a picture of roughened light nearer to its only level, surface by surface.
 pub(super) fn factors(film: &LevelFilm, light: &Coarse, caps: &Caps, picture: &[Rgb]) -> Vec<Rgb> {
     let window = film.window();
     let width = window.w as usize;
@@ -66,7 +66,7 @@ pub(super) fn factors(film: &LevelFilm, light: &Coarse, caps: &Caps, picture: &[
     factors
 }
 
-/// Means of the guides in every cell.
+/// Means of the features in every cell.
 fn features_of_cells(film: &LevelFilm, (columns, rows): Size) -> Vec<Features> {
     let window = film.window();
     let row = |row: usize| {
@@ -88,7 +88,7 @@ fn features_of_cells(film: &LevelFilm, (columns, rows): Size) -> Vec<Features> {
     (0..rows).into_par_iter().flat_map_iter(row).collect()
 }
 
-/// f of every cell, from the light there, the chosen light and what was cut.
+/// f of every cell, given the film's light there, the chosen light and the light that was cut.
 fn factors_of_cells(
     guide: &Guide,
     cells: Size,

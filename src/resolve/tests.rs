@@ -17,12 +17,12 @@ fn stream(n: u32) -> IndependentStream {
     Independent { seed: Seed(5) }.stream(crate::math::UVec2::ZERO, n)
 }
 
-/// A square film of one sample a batch, all of whose light is roughened.
+/// A square film with one sample per batch, all of whose light is roughened.
 fn levels(size: usize, of: impl Fn(usize, usize, usize) -> Rgb, count: usize) -> LevelFilm {
     film(size, of, count, |_, _| Rgb::ZERO)
 }
 
-/// A square film of one sample a batch: the light by level, batch and pixel, and what no level roughens by batch and pixel.
+/// A square film with one sample per batch: light by level, batch and pixel, and light that no level changes.
 fn film(
     size: usize,
     of: impl Fn(usize, usize, usize) -> Rgb,
@@ -49,13 +49,13 @@ const SHARP: Resolve = Resolve::Sharp;
 
 const ALL: [Resolve; 3] = [Resolve::None, Resolve::Sharp, Resolve::Default];
 
-/// Noise of mean 0 and variance 1 that depends on its place only.
+/// Noise of mean 0 and variance 1 that depends on its arguments only.
 fn noise(k: usize, b: usize, i: usize) -> f32 {
     let mut stream = stream((i * 64 + k * 8 + b) as u32);
     (0..12).map(|_| stream.next_1d()).sum::<f32>() - 6.0
 }
 
-/// Heavy tails: a brightness of 1/p with probability p, whose mean is 1 whatever p.
+/// Heavy tails: a brightness of 1/p with probability p, whose mean is 1 for every p.
 #[test]
 fn squared_difference_is_unbiased_under_heavy_tails() {
     let cases = [(0.5f32, 0.0f32), (0.05, 0.0), (0.05, 2.0), (0.01, 0.5)];
@@ -102,7 +102,7 @@ fn white_noise_on_a_constant_resolves_to_the_roughest_level() {
     let value = |k: usize, b, i| Rgb::splat(1.0 + 0.2 * 0.25f32.powi(k as i32) * noise(k, b, i));
     let resolved = resolve_film(&levels(32, value, 3), SHARP);
     let count = |resolved: &Resolved, level| resolved.level.iter().filter(|&&k| k == level).count();
-    // The estimate of a bias is noisy itself: 88 % by these numbers.
+    // The estimated bias is itself noisy: it gives 88 % here.
     let counts = [0, 1, 2].map(|k| count(&resolved, k));
     assert!(counts[2] > 800 && counts[0] < 80, "{counts:?}");
     // A level that adds light everywhere is not taken.
@@ -112,7 +112,7 @@ fn white_noise_on_a_constant_resolves_to_the_roughest_level() {
     assert!(counts[2] == 0 && counts[1] > 850, "{counts:?}");
 }
 
-/// Light that the path finds anyhow, in a room under a sky: roughening the last vertex makes it noisier.
+/// Light that paths find without roughening, in a room under a sky: roughening the last vertex makes it noisier.
 #[test]
 fn noisier_levels_are_not_chosen() {
     let value = |k: usize, b, i| Rgb::splat(1.0 + [0.05, 0.6, 0.3][k] * noise(k, b, i));
@@ -139,7 +139,7 @@ fn energy_correction_leaves_shadows_dark() {
     assert!((mean - 0.01).abs() < 0.002, "{mean}");
 }
 
-/// Equal levels keep their picture, black pixels stay black, and what a rough level loses is given back.
+/// Equal levels keep their picture, black pixels stay black, and light that a rough level loses is restored.
 #[test]
 fn energy_correction_keeps_equal_levels_and_black_pixels() {
     let black = |i: usize| i.is_multiple_of(7);
@@ -214,7 +214,7 @@ fn blur_lowers_noise_and_keeps_texture_and_edges() {
     }
 }
 
-/// Noise of one batch beside dark pixels without noise, which no difference of batches tells from bias.
+/// Noise of one batch beside dark pixels without noise, which differences of batches do not distinguish from bias.
 #[test]
 fn blur_leaves_dark_pixels_beside_noise_dark() {
     let (size, bright) = (32, |i: usize| i.is_multiple_of(8));
@@ -229,7 +229,7 @@ fn blur_leaves_dark_pixels_beside_noise_dark() {
         .map(|(_, p)| p.x)
         .collect();
     let worst = dark.iter().fold(0.0f32, |most, p| most.max(*p));
-    // A twentieth of what is beside.
+    // A twentieth of the light beside it.
     assert!(worst < 0.1, "{worst}");
 }
 
@@ -266,7 +266,7 @@ fn gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black() {
     let (beside, far) = (flat[61] / flat[60], flat[62] / flat[60]);
     assert!((beside - (-0.5f32).exp()).abs() < 1e-4, "{beside}");
     assert!((far - (-2.0f32).exp()).abs() < 1e-4, "{far}");
-    // A wall that meets the floor, and a surface far behind; a tilted plane has no edge.
+    // A wall at an edge with the floor, and a surface far behind; a tilted plane has no edge.
     let left = |i: usize| i % 11 <= 5;
     let corner = spread(&|i| {
         if left(i) {
@@ -275,8 +275,8 @@ fn gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black() {
             [0.0, 1.0, 0.0, 5.0]
         }
     });
-    // The pixel on the edge between them, a little more of it wall, takes light of both, more of the wall's; gloss that spreads the normals
-    // of a whole region as much is no edge.
+    // The pixel on the edge, with a little more wall than floor, takes light of both, and more of the wall's. Gloss
+    // that spreads the normals of a whole region as much is no edge.
     let mixed = [0.0, 0.45, 0.55, 5.0];
     let edge = |x: usize| match x {
         0..5 => [0.0, 0.0, 1.0, 5.0],
@@ -332,7 +332,7 @@ fn tent_keeps_constants_and_shares_sum_to_one() {
     assert!(spread.iter().all(|v| v.x > 0.0));
 }
 
-/// The batch that differs most confirms nothing, whatever its sign, and of two alike one does. By channel.
+/// The batch that differs most confirms nothing, of either sign; of two equal ones, one does. By channel.
 #[test]
 fn one_batch_confirms_no_difference() {
     let batches = |x: [f32; 4], y: [f32; 4]| {
@@ -346,7 +346,7 @@ fn one_batch_confirms_no_difference() {
     assert_eq!(without_largest(&[Vec3A::ONE; 2]), Vec3A::ZERO);
 }
 
-/// A difference is confirmed by as large a one in one of the eight pixels around, at borders too.
+/// A difference is confirmed by an equally large one in one of the eight pixels around, at borders too.
 #[test]
 fn a_pixel_beside_confirms_a_difference() {
     let (w, h) = (4, 3);
@@ -362,7 +362,7 @@ fn a_pixel_beside_confirms_a_difference() {
     }
 }
 
-/// Each radius has loops of its own.
+/// Each radius has its own loops.
 #[test]
 fn tent_is_the_mean_of_means_at_any_radius() {
     for (w, h) in [(1, 9), (9, 1), (2, 3), (3, 3), (4, 5), (5, 5), (13, 8)] {
@@ -386,7 +386,7 @@ fn tent_is_the_mean_of_means_at_any_radius() {
     }
 }
 
-/// A row of pixels is blurred at once, each as it is alone.
+/// A row of pixels is blurred at once, with the same result as pixel by pixel.
 #[test]
 fn blur_of_a_pixel_does_not_depend_on_those_blurred_with_it() {
     let (w, h) = (11, 7);
@@ -411,7 +411,7 @@ fn blur_of_a_pixel_does_not_depend_on_those_blurred_with_it() {
     }
 }
 
-/// Any light, noise and features: a tile knows as much of its surroundings as its pixels depend on.
+/// For any light, noise and features, the margins of a tile contain all data that its pixels depend on.
 #[test]
 fn resolve_in_tiles_has_the_bytes_of_the_whole() {
     let frame = crate::math::UVec2::new(61, 38);
@@ -462,7 +462,7 @@ fn resolve_in_tiles_has_the_bytes_of_the_whole() {
     }
 }
 
-/// On an even surface a pixel takes values from the cells around it by a Gaussian of five pixels, at borders from those that are there.
+/// On an even surface a pixel takes values from the cells around it by a Gaussian of five pixels, at borders too.
 #[test]
 fn values_of_cells_are_a_gaussian_mean_of_those_around() {
     let features = [0.0, 0.0, 1.0, 5.0, 0.0, 0.0, 1.0, 5.0, 0.5, 0.5, 0.5];
@@ -527,7 +527,7 @@ fn blur_of_a_blur_in_steps_is_a_wide_gaussian() {
         (0.85 * sigma..0.9 * sigma).contains(&deviation),
         "{deviation}"
     );
-    // Little trace of the steps: near the centre it falls as the Gaussian does.
+    // The steps leave little trace: near the centre it falls as the Gaussian does.
     for d in 0..9 {
         let expected = (-0.5 * ((d * d) as f32) / (sigma * sigma)).exp();
         let ratio = at(centre + d, centre) / at(centre, centre);
@@ -538,8 +538,8 @@ fn blur_of_a_blur_in_steps_is_a_wide_gaussian() {
     }
 }
 
-/// Level 0 finds light in one of 500 batches of a pixel, level 1 a little less light everywhere: in most windows level 0
-/// has met nothing, and looks free of noise.
+/// Level 0 finds light in one of 500 batches of a pixel, level 1 a little less light everywhere. In most windows level
+/// 0 has found nothing, and looks free of noise.
 #[test]
 fn light_that_a_level_has_not_met_is_not_dark() {
     let rare = |b: usize, i: usize| {
@@ -556,7 +556,7 @@ fn light_that_a_level_has_not_met_is_not_dark() {
         let resolved = resolve_film(&levels(64, value, 2), settings);
         let dark = resolved.picture.pixels.iter().filter(|p| p.x < 0.3).count();
         assert!(dark < 4096 / 50, "{settings:?}: {dark} dark pixels");
-        // No light is brought to the surroundings of a hit as a shape: the mean of every tile of 16 pixels is right.
+        // No light is added as a shape around a hit: the median of every tile of 16 pixels is near the truth.
         for tile in 0..16 {
             let (x, y) = (tile % 4 * 16, tile / 4 * 16);
             let pixels = (0..256).map(|i| (y + i / 16) * 64 + x + i % 16);
@@ -567,8 +567,8 @@ fn light_that_a_level_has_not_met_is_not_dark() {
     }
 }
 
-/// Hits of three batches that meet in one pixel by chance are not light that rougher levels lack; what every batch of a pixel
-/// shows is, though no pixel beside has it.
+/// Hits of three batches that coincide in one pixel are not light that rougher levels lose. Light in every batch of a
+/// pixel is, although no pixel beside it has any.
 #[test]
 fn coincidences_are_not_taken_for_light() {
     let (size, centre) = (32, 16 * 32 + 16);
@@ -604,8 +604,8 @@ fn coincidences_are_not_taken_for_light() {
     assert!(light > 15.0, "{light}");
 }
 
-/// A shadow that level 0 leaves dark and a rough level lights: where hits are as small as the light beside, darkness is
-/// what level 0 has seen.
+/// A shadow that is dark at level 0 and lit at a rough level: where hits are as small as the light beside, darkness at
+/// level 0 is evidence.
 #[test]
 fn darkness_is_believed_where_hits_are_expected() {
     let shadow = |i: usize| i % 32 < 16;
@@ -721,7 +721,7 @@ fn film_without_a_noise_estimate_shows_level_0() {
     assert_eq!(film.mean(1).pixels[0], Rgb::splat(0.5));
 }
 
-/// Two samples are two batches: means, variances and medians are those of as many.
+/// Two samples are two batches, for means, variances and medians.
 #[test]
 fn few_batches_are_as_many_as_they_are() {
     let x = [1.0, 5.0, 3.0, 9.0].map(Vec3A::splat);
@@ -730,8 +730,8 @@ fn few_batches_are_as_many_as_they_are() {
     assert_eq!([2, 3, 4].map(|n| median(&x[..n]).x), [3.0, 3.0, 4.0]);
 }
 
-/// Even light under noise, of one level: from the second sample on a choice is less noisy than the mean of the samples, keeps the
-/// light and an edge, and states its error.
+/// Even light under noise, of one level: from two samples on a choice is less noisy than the mean of the samples, keeps
+/// the light and an edge, and states its error.
 #[test]
 fn two_samples_are_resolved() {
     let size = 64usize;
@@ -741,7 +741,7 @@ fn two_samples_are_resolved() {
         let mut film = LevelFilm::new(frame, Window::full(frame), 1);
         for i in 0..size * size {
             let mut features = [0.0; FEATURES];
-            // A wall beyond a floor.
+            // A wall behind a floor.
             let axis = if truth(i) == 1.0 { 2 } else { 0 };
             (features[axis], features[3]) = (1.0, 4.0);
             (features[4 + axis], features[7]) = (1.0, 4.0);
@@ -787,7 +787,7 @@ fn shared_film(size: usize, of: impl Fn(usize, usize) -> f32) -> LevelFilm {
     shared_samples(size, BATCHES, of)
 }
 
-/// The same with a number of samples.
+/// [`shared_film`] with `samples` samples.
 fn shared_samples(size: usize, samples: usize, of: impl Fn(usize, usize) -> f32) -> LevelFilm {
     let frame = crate::math::UVec2::splat(size as u32);
     let mut film = LevelFilm::new(frame, Window::full(frame), 2);
@@ -805,8 +805,8 @@ fn shared_samples(size: usize, samples: usize, of: impl Fn(usize, usize) -> f32)
     film
 }
 
-/// Noise of the light that all levels share falls, where its surface goes on, to what the widest blur leaves: 0.022 of its square, and
-/// 0.029 without that one.
+/// Noise of the light that all levels share falls on an even surface to the remainder of the widest blur: 0.022 of its
+/// square, and 0.029 without that blur.
 #[test]
 fn shared_light_is_blurred() {
     let film = shared_film(48, |b, i| 1.0 + 0.3 * noise(0, b, i));
@@ -821,7 +821,7 @@ fn shared_light_is_blurred() {
     assert!(blurred < 0.025 * none, "{blurred} {none}");
 }
 
-/// A firefly among even light is no blob; light that comes as hits everywhere keeps its energy.
+/// A firefly in even light is not spread to a blob; light that comes as hits everywhere keeps its energy.
 #[test]
 fn fireflies_are_not_blurred_and_rare_light_is() {
     let even = shared_film(48, |b, i| {
@@ -880,14 +880,14 @@ fn squared_error(picture: &Buffer, truth: &Buffer) -> f32 {
     })
 }
 
-/// A choice mixed with a stand-in for a denoiser.
+/// A choice blended with a stand-in for a denoiser.
 fn mixed(film: &LevelFilm, filter: impl Fn(&Buffer) -> Buffer) -> Resolved {
     let filter = |picture: &Buffer| Ok::<_, ()>(filter(picture));
     let how = Resolve::Default;
     denoise_film(Cow::Borrowed(film), how, resolve_film(film, how), filter).expect("no failure")
 }
 
-/// A half has the means of its batches, in batches of its own, and the guides of all.
+/// A half has the means of its batches, in its own batches, and the features of all.
 #[test]
 fn half_of_a_film_is_a_film_of_two_batches() {
     let (mut film, _) = ramp([0.4, 0.3, 0.3], [1.0, 1.1, 1.2]);
@@ -909,7 +909,7 @@ fn half_of_a_film_is_a_film_of_two_batches() {
     }
 }
 
-/// The share of a filter of a known error is that of the least squared error of the mix: noise of all batches, not of a half.
+/// The share of a filter of known error minimises the squared error of the mix, for the noise of all batches.
 #[test]
 fn share_of_a_filter_is_that_of_the_least_error() {
     const SIZE: usize = 96;
@@ -939,7 +939,7 @@ fn share_of_a_filter_is_that_of_the_least_error() {
     }
 }
 
-/// A filter that knows the truth helps where there is noise; of one that is wrong, and of one that takes light, little is believed.
+/// A filter that returns the truth helps where there is noise; a wrong one, or one that removes light, hardly counts.
 #[test]
 fn a_filter_is_believed_as_far_as_it_is_right() {
     let off = |x: usize, y: usize| {
@@ -969,7 +969,7 @@ fn a_filter_is_believed_as_far_as_it_is_right() {
     }
 }
 
-/// A filter spreads a lamp over what is around it: the lamp stays as it is, and its surroundings get none of its light.
+/// A filter spreads a lamp: the lamp stays as it is, and the pixels around get none of its light.
 #[test]
 fn a_lamp_that_a_filter_spreads_stays_as_it_is() {
     const SIZE: usize = 64;
@@ -1013,7 +1013,7 @@ fn failures_of_a_filter_are_handed_on_and_few_samples_are_filtered_as_they_are()
     assert!(!resolved.is_known() && resolved.error().iter().all(|e| e.is_infinite()));
 }
 
-/// One sample: noise goes, an edge of light and one of surfaces stay where the half pictures agree, and the sharp choice has none of it.
+/// One sample: noise falls, edges of light and of surfaces stay where the halves agree; the sharp choice has no halves.
 #[test]
 fn one_sample_is_resolved_as_two_halves() {
     const SIZE: usize = 64;
@@ -1068,7 +1068,7 @@ fn one_sample_is_resolved_as_two_halves() {
     assert!(error(&resolved.picture, &|_| true) < 1e-3);
 }
 
-/// Rows of guides that are made at once leave no seam.
+/// Rows of guides that are computed at once leave no seam.
 #[test]
 fn halves_in_bands_are_those_of_the_whole() {
     let frame = crate::math::UVec2::new(9, 2 * super::ROWS + 7);
@@ -1100,7 +1100,7 @@ fn halves_in_bands_are_those_of_the_whole() {
     assert_eq!(super::halves(&film), film.halves(&weights));
 }
 
-/// Light that a film of one level has met as few bright hits is cut as fireflies, and most of it comes back as energy.
+/// Light of few bright hits in a film of one level is cut as fireflies, and most of it is restored as energy.
 #[test]
 fn light_of_rare_hits_comes_back_to_one_level() {
     const SIZE: usize = 64;
@@ -1118,7 +1118,7 @@ fn light_of_rare_hits_comes_back_to_one_level() {
     assert!((0.85..1.1).contains(&(shown / raw)), "{shown} of {raw}");
 }
 
-/// Three hits of which two came in one batch are no light of the region around them.
+/// Three hits, two of them in one batch, do not brighten the region around them.
 #[test]
 fn few_hits_do_not_brighten_what_is_around() {
     const SIZE: usize = 64;
@@ -1136,7 +1136,7 @@ fn few_hits_do_not_brighten_what_is_around() {
     assert!(most < 0.09, "{most}");
 }
 
-/// Far from any light there is nothing to cut, and the cap is a number: blurs of NaN were believed nowhere around.
+/// Far from any light the cap is a number and 0: a cap of NaN would spread in blurs.
 #[test]
 fn caps_are_finite_in_the_dark() {
     const SIZE: usize = 64;
@@ -1164,20 +1164,20 @@ fn around_the_middle(picture: &Buffer) -> f32 {
         / 8.0
 }
 
-/// With one level a lamp's glint stays the pixel that it is, and one bright sample in even light makes no disc.
+/// With one level a lamp's glint stays in its pixel, and one bright sample in even light makes no disc.
 #[test]
 fn one_level_makes_no_discs_of_glints_and_fireflies() {
     const SIZE: usize = 48;
     let middle = SIZE / 2 * SIZE + SIZE / 2;
     let even = |b, i| Rgb::splat(1.0 + 0.3 * noise(0, b, i));
     let plain = resolve_film(&levels(SIZE, |_, b, i| even(b, i), 1), Resolve::Default).picture;
-    // It is blurred: a third of the noise is left.
+    // It is blurred: a third of the noise remains.
     let noise_of = |picture: &Buffer| {
         let squares = picture.pixels.iter().map(|p| (p.x - 1.0).powi(2));
         (squares.sum::<f32>() / picture.pixels.len() as f32).sqrt()
     };
     assert!(noise_of(&plain) < 0.07, "{}", noise_of(&plain));
-    // Met by one of the batches only, as by chance: 80 in the mean.
+    // In one of the batches only, as by chance: 80 in the mean.
     let bright = |b, i| Rgb::splat(if i == middle && b == 1 { 320.0 } else { 0.0 });
     let with_bright = |_, b, i| even(b, i) + bright(b, i);
     let glint = film(SIZE, with_bright, 1, bright);
@@ -1190,8 +1190,8 @@ fn one_level_makes_no_discs_of_glints_and_fireflies() {
     assert!(near < 1.6, "{near}");
 }
 
-/// Reflections of a sky come in samples as bright as the picture, glints of a lamp in brighter ones: with one level the first are
-/// blurred, and the second stay single pixels.
+/// Reflections of a sky come in samples as bright as the picture, glints of a lamp in brighter ones. With one level the
+/// former are blurred, and the latter stay single pixels.
 #[test]
 fn one_level_blurs_reflections_without_their_glints() {
     const SIZE: usize = 48;
@@ -1219,7 +1219,7 @@ fn one_level_blurs_reflections_without_their_glints() {
 
     let (shown, raw) = show(&|b, i| sky(b, i) + Rgb::splat(glint(b, i)));
     for (shown, raw) in shown.pixels.iter().zip(&raw.pixels) {
-        // The sky is from 0 to 1, so that its blur moves a pixel by less.
+        // The sky is between 0 and 1, so its blur changes a pixel by less.
         assert!(
             (shown.x - raw.x).abs() < 1.0 + 0.01 * raw.x,
             "{shown} {raw}"
@@ -1227,7 +1227,7 @@ fn one_level_blurs_reflections_without_their_glints() {
     }
 }
 
-/// A square film of one level of two surfaces side by side, with even light and rare bright hits of the left one.
+/// A square film of one level with two surfaces side by side: even light, and rare bright hits on the left one.
 fn two_surfaces(size: usize, hits: f32) -> LevelFilm {
     let frame = crate::math::UVec2::splat(size as u32);
     let mut film = LevelFilm::new(frame, Window::full(frame), 1);
@@ -1250,7 +1250,7 @@ fn two_surfaces(size: usize, hits: f32) -> LevelFilm {
     film
 }
 
-/// Light of fireflies that a blur cuts comes back on the surface that they are on, and not beside it.
+/// Light of fireflies that was cut is restored on their surface, and not beside it.
 #[test]
 fn cut_light_is_given_back_on_its_surface() {
     const SIZE: usize = 64;
@@ -1261,19 +1261,19 @@ fn cut_light_is_given_back_on_its_surface() {
         let (sum, count) = rows.fold((0.0, 0.0), |(s, n), i| (s + shown.pixels[i].x, n + 1.0));
         sum / count
     };
-    // Half of the light of the left is that of hits.
+    // Half of the light on the left is that of hits.
     let [left, beside] = [mean(4..28), mean(34..42)];
     assert!(left > 1.5, "{left}");
     assert!(beside < 1.05, "{beside}");
 }
 
-/// Hardly any pixel of an even floor shows its own noise, which is 0.15 here and a fifth of that where it is blurred. Where
-/// every difference counts in full, one in twenty does.
+/// Hardly any pixel of an even floor shows its own noise, which is 0.15 here, and a fifth of that where it is blurred.
+/// If every difference counted in full, one in twenty would.
 #[test]
 fn an_even_floor_has_no_pepper() {
     for (samples, most) in [(2, 0.005), (3, 0.0065), (BATCHES, 0.013)] {
         let mut grains = 0;
-        // As much noise in the mean of all.
+        // So that the mean of all samples has the same noise.
         let spread = 0.3 * (samples as f32 / BATCHES as f32).sqrt();
         for seed in 1..9 {
             let film = shared_samples(64, samples, |b, i| 1.0 + spread * noise(seed, b, i));
@@ -1286,7 +1286,7 @@ fn an_even_floor_has_no_pepper() {
     }
 }
 
-/// Plain paths meet the sky and no sun, and look free of noise. A bias that grows with roughening is none of its light.
+/// Plain paths find the sky and no sun, and look free of noise. A bias that grows with roughening is no missed light.
 #[test]
 fn light_that_the_sharpest_level_lacks_comes_back_and_a_bias_does_not() {
     let energy = |suns: [f32; 4]| {
@@ -1309,7 +1309,7 @@ fn light_that_the_sharpest_level_lacks_comes_back_and_a_bias_does_not() {
     }
 }
 
-/// A choice that a few pixels have by chance gives way to what most around have taken. A line and a region keep theirs.
+/// A choice that a few pixels have by chance is replaced by that of most around. A line and a region keep theirs.
 #[test]
 fn lone_choices_give_way_and_features_stay() {
     const SIDE: usize = 30;
@@ -1358,10 +1358,10 @@ fn lone_choices_give_way_and_features_stay() {
     }
     for narrow in 0..2 {
         let line = |x: usize, _| (10..13).contains(&x);
-        // The pixels at its sides have as many of them around as those in its middle.
+        // Pixels at its sides have as many of the same choice around them as those in its middle.
         assert_eq!(kept(&one_level, narrow, 4, &line), 3 * SIDE, "{narrow}");
     }
-    // A surface of one pixel's width keeps its own.
+    // A surface that is one pixel wide keeps its choice.
     for narrow in 0..4 {
         assert_eq!(
             kept(&one_level, narrow, 4, &|x, _| x == 25),
@@ -1369,15 +1369,15 @@ fn lone_choices_give_way_and_features_stay() {
             "{narrow}"
         );
     }
-    // A level takes a blur of its own light.
+    // A level takes a blur of its own level's light.
     let levels = blurs(3, 2);
     assert_eq!(kept(&levels, 1, 5, &square(4)), 0);
-    // Nothing is wider than the widest, and without blurs nothing changes.
+    // The widest blur has no wider one, and without blurs nothing changes.
     assert_eq!(kept(&one_level, 4, 0, &square(1)), 1);
     assert_eq!(kept(&blurs(1, 2), 1, 0, &square(1)), 1);
 }
 
-/// The vote that stops early ends as the plain mean does, most of all where rounding decides.
+/// The early exit agrees with the plain mean, also where rounding decides.
 #[test]
 fn a_rare_choice_is_found_as_by_the_plain_share() {
     const SIZE: Size = (11, 10);
@@ -1394,7 +1394,7 @@ fn a_rare_choice_is_found_as_by_the_plain_share() {
                 weights[i.wrapping_add_signed(dy * SIZE.0 as isize + dx)]
             }
         };
-        // The least shares are far from 1, where what is left is rounding.
+        // Only shares far from 0 and 1, where remainders are mostly rounding.
         let tie = share_of_alike(SIZE, radius, &values, pixel, alike(&weights));
         if !(0.1..0.9).contains(&tie) {
             continue;
@@ -1414,7 +1414,7 @@ fn a_rare_choice_is_found_as_by_the_plain_share() {
             assert_eq!(early, plain, "{tie} of {least}");
             found[usize::from(plain)] += 1;
         }
-        // A pixel that none is like is as common as can be.
+        // Without any similar pixel, a choice counts as common.
         weights.fill(0.0);
         weights[pixel] = 1.0;
         assert!(!is_rare(
@@ -1480,7 +1480,7 @@ fn a_difference_of_reflectance_is_an_edge_of_both_surfaces() {
     }
 }
 
-/// The weight of a neighbour in a blur is that of its surface times that of its distance, along both surfaces.
+/// The weight of a neighbour in a blur is its weight by surface times its weight by distance, along both surfaces.
 #[test]
 fn alike_is_the_weight_of_a_blur_without_its_distance() {
     const SIZE: Size = (9, 7);

@@ -1,4 +1,4 @@
-//! The choice in tiles, with as much around them as filters reach.
+//! The choice in tiles, with the margins that filters reach.
 
 use super::coarse::{Caps, Coarse, Missing};
 use super::filter::{Size, tent};
@@ -13,11 +13,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Mutex;
 
-/// Pixels a side of the tiles: large ones, which have less around them, where they give every thread work. Those of 160 take 0.96 of
-/// the time, and more memory.
+/// Edges of the tiles in pixels: large tiles, whose margins are relatively small, if there are enough for all threads.
+/// Tiles of 160 take 0.96 of the time, and more memory.
 const EDGES: [u32; 2] = [128, 64];
 
-/// Pixels of a picture that one thread takes as one tile.
+/// Largest picture in pixels that a single thread takes as one tile.
 const SMALL: usize = 1 << 16;
 
 /// The edge of the tiles of a film.
@@ -30,17 +30,17 @@ pub(super) fn edge(window: &Window) -> u32 {
     EDGES.into_iter().find(busy).unwrap_or(EDGES[1])
 }
 
-/// Radius in pixels at which light that a level has not met is looked for.
+/// Radius in pixels over which light that a level has missed is estimated.
 const MISSING_RADIUS: usize = 2;
 
-/// ε of relative errors, where the mean of the picture counts as 0.3.
+/// ε of relative errors, for a picture scaled to a mean of 0.3.
 const EPSILON: f32 = 0.01;
 
-/// Light of a batch above which it is a glint, where the mean of the picture counts as 0.3: no blur of the only level spreads it.
+/// Light above which a batch of the only level is a glint and not blurred, for a picture scaled to a mean of 0.3.
 const GLINT: f32 = 1.2;
 
-/// Pixels around a tile whose candidates its choice depends on: shares of choices, which depend on those around, these on noise and
-/// bias around, and these on one pixel more.
+/// Margin in pixels around a tile whose candidates its choice depends on: blended shares depend on the choices around,
+/// these on noise and bias around, and these on one more pixel.
 const AROUND: usize = 2 * (SHARE_RADIUS + WIDE_RADIUS) + COMMON_RADIUS + 1;
 
 /// Smoothing that a picture of several levels may get.
@@ -57,19 +57,19 @@ pub enum Resolve {
     Default,
 }
 
-/// Candidates of the choice, and how easily they are believed.
+/// Candidates of the choice, and the bound for their bias.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Most levels.
+    /// Largest number of levels.
     pub(super) levels: usize,
-    /// Standard deviations in pixels of blurs of both layers, ascending; [`WIDE`] is added to those of one layer.
+    /// Standard deviations in pixels of blurs of both layers, ascending; one layer also has [`WIDE`].
     pub(super) blurs: &'static [f32],
     /// κ: share of the noise of a sharper candidate that a difference must exceed; below 0 noise counts as bias.
     pub(super) kappa: f32,
 }
 
 impl Limits {
-    /// Limits of a setting for a film with this number of levels. Measured in docs/lab/resolve.md, of one level in docs/lab/photons.md.
+    /// Limits of a setting, measured in docs/lab/resolve.md, and for one level in docs/lab/photons.md.
     pub(super) fn of(settings: Resolve, levels: usize) -> Self {
         let (most, blurs): (usize, &[f32]) = match settings {
             Resolve::None => (1, &[]),
@@ -79,7 +79,7 @@ impl Limits {
         Self {
             levels: most,
             blurs,
-            // The only level has edges of shadows and textures, and no other level shows what is noise.
+            // One level has edges of shadows and textures, and no other level distinguishes noise from them.
             kappa: if levels == 1 { -0.25 } else { 0.25 },
         }
     }
@@ -90,7 +90,7 @@ pub(super) struct Shared<'a> {
     pub(super) film: &'a LevelFilm,
     pub(super) roughened: Coarse,
     pub(super) caps: Caps,
-    /// Share of each batch in the samples.
+    /// Each batch's share of the samples.
     pub(super) shares: [f32; BATCHES],
     /// Factor that makes the mean of the picture 0.3.
     pub(super) gain: f32,
@@ -98,7 +98,7 @@ pub(super) struct Shared<'a> {
 }
 
 impl Shared<'_> {
-    /// Pixels around a tile that its picture depends on.
+    /// Margin in pixels around a tile that its picture depends on.
     fn reach(&self) -> u32 {
         let blur = match self.limits.blurs {
             [] => 0,
@@ -107,7 +107,7 @@ impl Shared<'_> {
         (AROUND + blur.max(2 * MISSING_RADIUS)) as u32
     }
 
-    /// Chooses in tiles with `edge` pixels a side; every batch has a sample.
+    /// Chooses in tiles with `edge` pixels a side; at least two batches must have samples.
     pub(super) fn choose(&self, edge: u32) -> Chosen {
         let window = self.film.window();
         let whole = Mutex::new(Chosen::blank((window.w as usize, window.h as usize)));
@@ -120,17 +120,17 @@ impl Shared<'_> {
     }
 }
 
-/// Standard deviation in pixels of the widest blur, of the layer that has most of the light: the one of the only level, or that which
-/// all levels share.
+/// Standard deviation in pixels of the widest blur, for the layer with most of the light: the only level, or the light
+/// that all levels share.
 pub(super) const WIDE: f32 = 6.0;
 
-/// Standard deviation of the blur that the wide one is made of.
+/// Standard deviation in pixels of the blur that the wide one is built from.
 pub(super) const BASE: f32 = 1.5;
 
-/// Pixels between those that a wide blur takes: two standard deviations of [`BASE`], so that all count nearly alike.
+/// Step in pixels of a wide blur: two standard deviations of [`BASE`], so that all pixels have nearly equal weights.
 pub(super) const STEP: usize = 3;
 
-/// Standard deviation of the blur that makes one of [`BASE`] one of `sigma`.
+/// Standard deviation of the blur that widens [`BASE`] to `sigma`.
 pub(super) fn rest(sigma: f32) -> f32 {
     (sigma * sigma - BASE * BASE).sqrt()
 }
@@ -142,7 +142,7 @@ pub(super) struct Chosen {
     /// Relative squared bias and variance, estimated.
     pub(super) bias2: Vec<f32>,
     pub(super) variance: Vec<f32>,
-    /// Mean absolute noise of both layers together, before they are brought to their energy.
+    /// Mean absolute noise of both layers together, before their energy is restored.
     pub(super) noise: Vec<f32>,
     /// The layers: shared light, roughened light.
     pub(super) layers: [Vec<Rgb>; 2],
@@ -160,7 +160,7 @@ impl Chosen {
         }
     }
 
-    /// Takes over a tile.
+    /// Copies a tile into the whole.
     fn paste(&mut self, width: usize, tile: TileChoice) {
         let (x, y) = tile.origin;
         let (w, h) = tile.size;
@@ -201,17 +201,17 @@ fn surroundings(tile: &Window, reach: u32, window: &Window) -> Window {
     Window { x, y, w, h }
 }
 
-/// A tile with its surroundings. Pixels at edges that are not the film's own are wrong.
+/// A tile with its margins. Pixels near edges of the margins are invalid, except at the film's own edges.
 struct Part<'a> {
     whole: &'a Shared<'a>,
-    /// The tile with what is around it, in the film.
+    /// The tile with its margins, in the film.
     outer: Window,
     size: Size,
-    /// The pixels that have candidates, of all of them.
+    /// The pixels that have candidates, in `outer`.
     inner: Inner,
-    /// The tile, of those.
+    /// The tile, in `inner`.
     tile: Inner,
-    /// First of those that have candidates in the film.
+    /// First pixel of `inner`, in the film.
     origin: Size,
 }
 
@@ -239,7 +239,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// Batches of the light of every pixel of a level, or of the shared light by the number of levels.
+    /// Batches of the light of every pixel of a level; `level` = number of levels gives the shared light.
     fn light(&self, level: usize) -> Batches {
         let film = self.whole.film;
         let window = film.window();
@@ -250,7 +250,7 @@ impl<'a> Part<'a> {
         (0..self.outer.len()).map(own).collect()
     }
 
-    /// Batches of the light of every pixel of a level, less the shared light.
+    /// Batches of the light of every pixel of a level, minus the shared light.
     fn roughened(&self, level: usize, shared: &Batches) -> Batches {
         let mut light = self.light(level);
         for (light, shared) in light.iter_mut().zip(shared) {
@@ -274,7 +274,7 @@ impl<'a> Part<'a> {
         let size = self.inner.size;
         let batches = self.whole.roughened.count;
 
-        // Without a blur no choice needs others like it.
+        // Without blurs there is no vote among similar pixels.
         let alike = |guide: Option<Guide>| {
             move |pixel: usize, step: [isize; 2]| {
                 let alike = |guide: &Guide| guide.alike(self.inner.number(pixel), step);
@@ -322,7 +322,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// The weights, and what makes numbers that are weighted by them relative as the metrics are, whatever the exposure.
+    /// The weights, independent of exposure, and factors from weighted errors to relative errors of the metrics.
     fn weights(&self, shared: &Batches, roughest: &Batches) -> (Weights, Vec<f32>) {
         let gain = self.whole.gain;
         let pairs = shared.iter().zip(roughest);
@@ -346,8 +346,8 @@ impl<'a> Part<'a> {
         (Weights { own, dark }, stated)
     }
 
-    /// The light that all levels share: as it is, and blurred without its fireflies. With one level these are glints of lamps: they
-    /// stay where they are. With the guide of the blurs, if there are any.
+    /// Candidates of the light that all levels share, sharp, and blurred without fireflies; and the guide of the blurs,
+    /// if any. With one level these fireflies are glints of lamps, which stay in their pixels.
     fn of_shared(&self, light: Batches, features: &[Features]) -> (Vec<Candidate>, Option<Guide>) {
         let keeps_glints = self.whole.film.levels() == 1;
         let widest = match self.whole.limits.blurs.len() {
@@ -365,7 +365,7 @@ impl<'a> Part<'a> {
             dark_side: number > 0,
         };
         let mut all = vec![candidate(0, self.inner.of(&light))];
-        // A blur of nothing is nothing.
+        // Black light needs no blurs.
         if widest == 0 || light.iter().flatten().all(|light| *light == Vec3A::ZERO) {
             return (all, None);
         }
@@ -392,7 +392,7 @@ impl<'a> Part<'a> {
         (all, Some(guide))
     }
 
-    /// Cuts fireflies, what is above the caps.
+    /// Cuts light above the caps, which counts as fireflies.
     fn cap(&self, light: &mut Batches) {
         let corner = (
             self.origin.0 - self.inner.origin.0,
@@ -405,7 +405,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// The light of roughened vertices: every level, and all but the first of several blurred. With the guide of the blurs, if there are any.
+    /// Candidates of roughened light: every level, and blurs of all but the first of several; and their guide, if any.
     fn of_roughened(
         &self,
         levels: Vec<Batches>,
@@ -431,10 +431,10 @@ impl<'a> Part<'a> {
             _ => self.blurs(guide, &levels.iter().skip(1).collect::<Vec<_>>(), false),
         });
         let widest = blurs.len();
-        // The first of several levels is too noisy for a blur; of the only one fireflies are.
+        // The first of several levels is too noisy for a blur; of an only level, just the fireflies are.
         let first = usize::from(count > 1);
         let sharp = count.min(self.whole.limits.levels);
-        // Light around the pixels that have candidates is gone before there are more of these.
+        // Frees the light of the margins before more candidates are allocated.
         let mut all: Vec<Candidate> = (levels.into_iter().enumerate())
             .take(sharp)
             .map(|(level, light)| Candidate {
@@ -451,7 +451,7 @@ impl<'a> Part<'a> {
         for (blur, (sigma, blurred)) in (1..).zip(blurs) {
             for (number, light) in blurred.into_iter().enumerate() {
                 let level = number + first;
-                // Narrower blurs have less noise, so that they show a bias better than the picture as it is does.
+                // Narrower blurs have less noise, so that they show a bias better than the sharp picture does.
                 let sharper = match count {
                     1 => 0..all.len(),
                     _ => 0..level + 1,
@@ -460,7 +460,7 @@ impl<'a> Part<'a> {
                     level: level as u8,
                     light,
                     sharper: sharper.collect(),
-                    // A blur of s pixels averages about 1 + s² of them.
+                    // A blur of s pixels averages about 1 + s² times as many.
                     missing: noise(level, 1.0 + sigma * sigma),
                     blur,
                     wider: (blur < widest).then_some(all.len() + count - first),
@@ -472,7 +472,7 @@ impl<'a> Part<'a> {
         (all, guide)
     }
 
-    /// Blurs of light by their standard deviation, ascending; with `wide` that of [`WIDE`] of the first.
+    /// Blurs of light by ascending standard deviation; with `wide` also that of [`WIDE`], of the first light.
     fn blurs(&self, guide: &Guide, light: &[&Batches], wide: bool) -> Vec<(f32, Vec<Batches>)> {
         let batches = self.whole.roughened.count;
         let base = wide.then(|| self.base(guide, light[0]));
@@ -488,7 +488,7 @@ impl<'a> Part<'a> {
         blurs
     }
 
-    /// A blur of [`BASE`] of all pixels that one of [`WIDE`] takes values from.
+    /// A blur of [`BASE`] of all pixels that a blur of [`WIDE`] uses.
     fn base(&self, guide: &Guide, light: &Batches) -> Batches {
         let around = self.inner.grown(reach(rest(WIDE)), self.size.1);
         let batches = self.whole.roughened.count;
@@ -536,9 +536,9 @@ fn darkest((width, height): Size, values: &[Vec3A]) -> Vec<Vec3A> {
     (0..values.len()).map(least).collect()
 }
 
-/// Mean absolute noise of a picture, the channels added up, from the differences of both halves of its batches: the mean of the
-/// three ways to halve four of them, the first with each of the others; the first alone is one of two. For samples that are normal it
-/// is that of all batches together.
+/// Mean absolute noise of a picture, summed over channels, from differences between halves of its batches: the mean
+/// over the three ways to halve four batches, which pair the first with each of the others; of two batches the first
+/// alone is a half. For normal samples it equals the noise of the mean of all batches.
 fn noise_of_halves(batches: [Vec3A; BATCHES], shares: [f32; BATCHES], count: usize) -> f32 {
     let halved = |with: usize| {
         let (mut light, mut share) = ([Vec3A::ZERO; 2], [0.0; 2]);
