@@ -1,5 +1,5 @@
-//! A render from a program of one's own: a scene, a few choices, a picture. What it leaves out stands in
-//! [`integrator`](crate::integrator): other estimators and rules, budgets of time and error, passes and their listener, checkpoints.
+//! A render from another program: a scene, a few options, a picture. Other estimators and rules, limits of time and
+//! error, callbacks between passes, and checkpoints are in [`integrator`](crate::integrator).
 
 use crate::files::FileError;
 use crate::integrator::layers::Aov;
@@ -15,8 +15,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 impl Scene {
-    /// The scene of a glTF file (`.gltf`, `.glb`), or with the feature `scenes` of a pbrt (`.pbrt`) or Mitsuba (`.xml`) file, as it
-    /// is in the file: without lights it is black.
+    /// The scene of a glTF file (`.gltf`, `.glb`), or with the feature `scenes` of a pbrt (`.pbrt`) or Mitsuba (`.xml`)
+    /// file. No lights are added: a file without lights gives a black picture.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let loaded = load(path.as_ref(), &LoadOptions::default())?;
         Ok(Self::new(loaded.parts))
@@ -41,8 +41,8 @@ pub struct Render<'a> {
 }
 
 impl<'a> Render<'a> {
-    /// A render of 640 × 480 pixels with 128 samples each and seed 0, by the scene's first camera, or by one that sees
-    /// all of it, and by the integrator that suits the scene.
+    /// A render of 640 × 480 pixels with 128 samples each and seed 0. The camera is the scene's first, or else one that
+    /// frames the whole scene; the integrator is the one that suits the scene.
     pub fn new(scene: &'a Scene) -> Self {
         Self {
             scene,
@@ -82,7 +82,7 @@ impl<'a> Render<'a> {
         self
     }
 
-    /// Path tracing with the attenuation factors of a table: a file, or `beta-0.001` or `beta-0.05`, which the library contains.
+    /// Path tracing with the attenuation factors of a table: a file, or the built-in `beta-0.001` or `beta-0.05`.
     pub fn table(self, table: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = table.as_ref();
         let table = TableChoice::Held(Arc::new(TableFile::load(path)?), Some(path.into()));
@@ -94,8 +94,8 @@ impl<'a> Render<'a> {
         self.with(|spec| spec.table = Some(TableChoice::Factor(gamma)))
     }
 
-    /// Scales of the factors at several levels, ascending from 0, of which every pixel gets the best. By default four, where
-    /// there is something to roughen.
+    /// Scales of the factors at several levels, ascending from 0; every pixel gets the best level. By default four, if
+    /// the scene has glossy lobes.
     pub fn levels(self, scales: &[f32]) -> Self {
         self.with(|spec| spec.levels = Some(Levels::At(scales.to_vec())))
     }

@@ -18,9 +18,9 @@
 //!
 //! # The map
 //!
-//! This crate is the library. Data flows down the page: a room uses those above it alone (`tests/it/architecture.rs`).
+//! This crate is the library. A module uses only its own layer and those above it (`tests/it/architecture.rs`).
 //!
-//! | layer | room | contents |
+//! | layer | module | contents |
 //! |---|---|---|
 //! | 0 | [`math`] | frames, measures, warps, discrete distributions, running moments |
 //! | 0 | [`sampler`] | the random numbers of a path, keyed by (seed, pixel, sample) |
@@ -36,7 +36,7 @@
 //! | 6 | [`render`] | options, checked against a scene; the run; the finished picture and its files |
 //! | 7 | [`Render`] | a render from another program, in a few lines |
 //!
-//! Other crates stand on it:
+//! Other crates of the workspace:
 //!
 //! | crate | contents |
 //! |---|---|
@@ -91,7 +91,7 @@
 //! - `[OkabeIto08]` Okabe, Ito: *Color Universal Design: How to Make Figures and Presentations That Are Friendly to Colorblind People*, 2008.
 //! - `[glTF]` Khronos: *glTF 2.0 Specification* and its ratified material extensions.
 
-// Scenes that integration tests share with those of the library name it.
+// Integration tests and unit tests share scenes, which name the crate `opsr`.
 #[cfg(test)]
 extern crate self as opsr;
 

@@ -1,11 +1,11 @@
-//! Memory: how much there is, and the refusal of what needs more.
+//! Memory: how much is available, and errors for work that needs more.
 //!
-//! A failed allocation ends the program at once; on most systems one that the machine cannot back succeeds, and the program
-//! is killed when it writes. So whatever grows with the input is estimated before it is allocated. Estimates are made of
-//! measured bytes per triangle, pixel or path; what they do not count is small beside what they do.
+//! A failed allocation ends the program at once. On most systems an allocation larger than the free memory succeeds,
+//! and the system kills the program when it writes. Memory that grows with the input is therefore estimated before it
+//! is allocated, from measured bytes per triangle, pixel or path. Other memory is small in comparison.
 //!
-//! The crate `sysinfo` knows the free memory of the machine and the limit of one control group, but not the limit on the address
-//! space nor the groups around it, and counts pages of files as taken: a render would be refused, or killed, where it is not here.
+//! The crate `sysinfo` reads free memory and the limit of one control group, but neither the address space limit nor
+//! enclosing groups, and counts cached pages as used. It would cause false refusals and killed renders.
 
 use std::fmt::{Display, Formatter, Result as Written};
 use std::path::Path;
@@ -13,11 +13,11 @@ use std::path::Path;
 /// Something that needs more memory than there is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shortage {
-    /// The thing.
+    /// Work or data that needs the memory, in the plural.
     pub what: String,
-    /// Bytes that it needs.
+    /// Bytes needed.
     pub needed: u64,
-    /// Bytes that there are.
+    /// Bytes available.
     pub available: u64,
 }
 
@@ -35,7 +35,7 @@ impl Display for Shortage {
 
 impl std::error::Error for Shortage {}
 
-/// Refuses what needs more memory than there is. Where that is not known nothing is refused.
+/// Returns an error if `needed` bytes exceed the available memory. Succeeds where that is unknown.
 pub fn check(what: impl Into<String>, needed: u64) -> Result<(), Shortage> {
     match available() {
         Some(available) if needed > available => Err(Shortage {
@@ -47,8 +47,8 @@ pub fn check(what: impl Into<String>, needed: u64) -> Result<(), Shortage> {
     }
 }
 
-/// Bytes that this process can still take: the least of what the machine has free, with swap, the limit on its address
-/// space (`ulimit -v`), and the limits of its control groups. `None` where the system does not say (other than Linux).
+/// Bytes that this process can still take: the least of the machine's free memory and swap, the limit on its address
+/// space (`ulimit -v`), and the limits of its control groups. `None` on systems other than Linux.
 pub(crate) fn available() -> Option<u64> {
     let text = |path: &str| std::fs::read_to_string(path).ok();
     let machine = text("/proc/meminfo").and_then(|t| free(&t));
@@ -80,7 +80,7 @@ fn address_space(limits: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// Free bytes of the control groups (version 2) that `/proc/self/cgroup` names, each inside the next.
+/// Free bytes of the control group (version 2) in `/proc/self/cgroup`: the least of it and the groups around it.
 fn group(cgroup: &str) -> Option<u64> {
     let own = cgroup.lines().find_map(|line| line.strip_prefix("0::/"))?;
     let root = Path::new("/sys/fs/cgroup");
@@ -90,7 +90,7 @@ fn group(cgroup: &str) -> Option<u64> {
         let text = |name: &str| std::fs::read_to_string(group.join(name)).ok();
         let most: u64 = text("memory.max")?.trim().parse().ok()?;
         let current: u64 = text("memory.current")?.trim().parse().ok()?;
-        // Pages of files are given up when they are needed.
+        // The system reclaims pages of files on demand, so they count as free.
         let stat = text("memory.stat").unwrap_or_default();
         let of = |name: &str| {
             stat.lines()
