@@ -5,7 +5,7 @@ use opsr::regularise::{AttenuationTable, Lookup};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Longest file of settings that is read.
+/// Maximum size of a settings file in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// Maximum number of factors with which the lobes of a recording are sampled.
@@ -154,7 +154,7 @@ impl From<Preset> for Config {
         // From 0.5 ten thousand steps on the training scenes end in a far worse minimum than from the best constant.
         let full = Self {
             start: 0.0,
-            // The least loss on paths that were not learned from, in `docs/lab/training.md`.
+            // Smallest loss on paths that were not learned from, in `docs/lab/training.md`.
             prior: 0.003,
             ..Self::default()
         };
@@ -184,7 +184,7 @@ impl Config {
         constant_table(gamma, self.lookup)
     }
 
-    /// Step size of Adam.
+    /// Step size of Adam; the optimiser's default where none is set.
     pub(crate) fn step_size(&self) -> f64 {
         match self.optimiser {
             _ if self.learning_rate > 0.0 => self.learning_rate,

@@ -104,7 +104,7 @@ fn surplus_derivative(prefix: &PathRoughness, gamma: f32) -> f32 {
     dq
 }
 
-/// Appends the derivatives of `prefix.accumulate(last)` to `to`; `folded` holds the derivatives of the prefix's first value.
+/// Appends the derivatives of `prefix.accumulate(last)` to `to`; `folded` holds those of the prefix's first value.
 fn gradient(
     prefix: &PathRoughness,
     last: f32,

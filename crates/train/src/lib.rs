@@ -1,18 +1,18 @@
-//! Learning the table: differentiable rendering without a ray in the loop (`docs/method.md` sections 4 to 7).
+//! Learning the table: differentiable rendering without rays in the training loop (`docs/method.md` sections 4 to 7).
 //!
-//! A path sample is a constant plus a few *events*, each of which can be evaluated at any roughness. So training is a
-//! story in three rooms, each of which uses the ones before:
+//! A path sample is a constant plus a few *events*, each of which can be evaluated at any roughness. Training has three
+//! parts, each of which uses the ones before:
 //!
-//! 1. [`record`] traces the paths of every crop once and keeps their events.
-//! 2. [`evaluate`] turns a recording into mean and second moment of every pixel, and their derivatives, at any table.
-//! 3. [`learn`] sums loss and gradient over the crops and lets Adam change the table: burn holds the parameters and steps. It
-//!    differentiates the loss of `method = "replay"`; that of `tabulated`, the default, is differentiated by hand.
+//! 1. [`record`] traces the paths of every crop once and stores their events.
+//! 2. [`evaluate`] computes mean and second moment of every pixel, and their derivatives, at any table.
+//! 3. [`learn`] sums loss and gradient over the crops, and Adam changes the table. burn holds the parameters and
+//!    differentiates the loss of `method = "replay"`; the loss of the default, `tabulated`, is differentiated by hand.
 //!
-//! [`manifest`] lists the scenes, and [`reference`](mod@reference) has the pictures that the loss compares with.
-//! [`config`] has the settings of all three. [`score`], on top, puts tables beside constants; `examples/study.rs` does so on
-//! scenes that they were not learned from.
+//! [`manifest`] lists the scenes, [`reference`](mod@reference) renders and stores the pictures that the loss compares
+//! with, and [`config`] has the settings. [`score`] compares tables with constant factors; `examples/study.rs` scores
+//! tables on scenes that they were not learned from.
 //!
-//! A derivative travels from a lobe to its factor through `record/event.rs` (dx/dα′), `record/lists.rs` (dα′/dγ),
+//! The chain rule from a table entry to the loss runs through `record/lists.rs` (dα′/dγ), `record/event.rs` (dx/dα′),
 //! `evaluate/curves.rs` (the pixel's curve), `learn/loss.rs` (dL/dmoments), `learn/crop_set.rs` (the sum over crops),
 //! and `learn/model.rs` (the step).
 

@@ -58,7 +58,7 @@ pub struct Manifest {
     pub scenes: Vec<SceneEntry>,
 }
 
-/// The file's own form.
+/// Layout of the TOML file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Text {
@@ -71,7 +71,7 @@ impl Manifest {
         Self::parse(&files::read_text(path, MAX_BYTES)?, path)
     }
 
-    /// A manifest from its text; `path` is where the text came from.
+    /// Parses and checks the text of a manifest. `path` is its file, for messages and relative paths.
     pub fn parse(text: &str, path: &Path) -> Result<Self, FileError> {
         let Text { scene: scenes } = files::toml(text).map_err(|e| FileError::content(path, e))?;
         let mut names = HashSet::new();

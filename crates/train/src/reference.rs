@@ -1,10 +1,10 @@
 //! Converged pictures of a manifest's crops, rendered with resumption from their files.
 //!
-//! A file holds, for each pixel, the mean, the variance of one sample and the number of samples, which suffice to add
-//! samples to [`Moments`](opsr::math::moments::Moments). The metadata name the next sample number, so that no sample is
-//! used twice. During a run the moments have double precision (Welford's update: no large sums, no cancellation); a file
-//! rounds them to single precision, a relative error of at most 6e-8 each time a run is resumed, thousands of times less
-//! than the noise of any reference.
+//! A file stores mean, variance of one sample and number of samples of each pixel, which suffice to add samples to
+//! [`Moments`](opsr::math::moments::Moments). The metadata name the next sample number, so that no sample is used
+//! twice. During a run the moments have double precision (Welford's update: no large sums, no cancellation). A file
+//! rounds them to single precision: a relative error of at most 6e-8 for each resumed run, thousands of times less than
+//! the noise.
 
 use crate::manifest::{CROP, Manifest, SceneEntry};
 use opsr::files::{self, FileError, hex};
@@ -16,7 +16,7 @@ use opsr::math::{DVec3, UVec2};
 use opsr::scene::{Camera, Scene};
 use std::path::{Path, PathBuf};
 
-/// Default seed of references, not used for rendering or training: a picture that shares samples with its reference would
+/// Default seed of references. Renders and trainings use others: a picture that shares samples with its reference would
 /// look better than it is.
 pub const SEED: u64 = 0x7265_6665_7265;
 
@@ -30,11 +30,12 @@ pub struct Reference {
     picture: Picture,
 }
 
-/// Share of the crop's mean added to a pixel before a division by it: the ε = 0.01 of a loss on crops scaled to a mean of
-/// 0.3.
+/// Share of the crop's mean that is added to a pixel in the denominator of a relative error: the ε = 0.01 of a loss on
+/// crops scaled to a mean of 0.3.
 const DARKEST: f64 = 1.0 / 30.0;
 
-/// Noise of a reference: the standard error of a pixel's mean over the pixel (plus a thirtieth of the crop's mean).
+/// Noise of a reference: the standard error of a pixel's mean, divided by the pixel plus a thirtieth of the crop's
+/// mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
     /// Mean over the pixels: the contribution to a relative L1 error, up to a factor of √(2/π).
@@ -46,9 +47,9 @@ pub struct Noise {
 }
 
 impl Reference {
-    /// Opens the reference of an entry's crop with the samples of its file, or an empty one; `digest` is the hash of the scene's file.
-    ///
-    /// A file of another scene, crop, seed or path length is refused.
+    /// Opens the reference of an entry's crop with the samples of its file, or an empty one if there is no file.
+    /// `digest` is the SHA-256 of the scene's file. Fails for a file of another scene, camera, crop, seed or path
+    /// length.
     pub fn open(
         manifest: &Manifest,
         entry: &SceneEntry,

@@ -1,4 +1,4 @@
-//! The worth of a table: beside constant factors, and with its scale free.
+//! Scores of tables, compared with constant factors and with the tables' own best scales.
 
 use crate::config::constant_table;
 use crate::learn::crop_set::{CropSet, minimise};
@@ -36,8 +36,8 @@ pub fn score(
     }
 }
 
-/// Scores of constants and tables: the constant `own`, the best one of the crops themselves; `elsewhere`, the best one
-/// of the training crops; and `tables`, in `hindsight` also with the scale that suits the crops best.
+/// Scores of `own`, the best constant of these crops; of `elsewhere`, the best constant of the training crops; and of
+/// `tables`. With `hindsight` each table is scored again at its best scale for these crops.
 pub fn scores(
     set: &mut CropSet,
     beta: f32,

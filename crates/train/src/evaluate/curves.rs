@@ -3,7 +3,7 @@
 //! An event on a path that does not fold depends on one effective factor γ, so the events of a pixel with the same
 //! factor add up to one curve. It is sampled at 17 values of ln γ with exact derivatives, and interpolated by
 //! cubic Hermite polynomials. Neglected: products of two events of different factors on one path. Paths that fold
-//! couple several factors; they stay events and are linearised anew whenever the table has moved (`folded.rs`).
+//! couple several factors; their events are linearised anew whenever the table has moved far (`folded.rs`).
 
 use crate::derivative::accumulate_at;
 use crate::evaluate::folded::Folded;
@@ -22,8 +22,8 @@ use std::ops::Range;
 /// Number of values of γ at which curves are sampled, evenly spaced in ln γ from [`GAMMA_MIN`] to 1.
 const NODES: usize = 17;
 
-/// Grid steps between two nodes: 5.5 % in γ. A tangent over half a step leaves an error of at most 0.08 % of a curve
-/// that bends as γ² does.
+/// Grid steps between two nodes, each 5.5 % in γ. A tangent over half a step has an error of at most 0.08 % for a curve
+/// proportional to γ².
 const STEPS_PER_NODE: u32 = 8;
 
 /// Distance of two nodes in ln γ.
@@ -79,8 +79,8 @@ impl HermiteWeights {
 
 /// One of the values of γ at which curves are linearised.
 ///
-/// A step of Adam moves a factor by little. Its curves are evaluated again only when it has reached the next grid step,
-/// and the tangent depends on nothing but the grid step, so that it has no history.
+/// A step of Adam moves a factor by little, so its curves are evaluated again only when the factor reaches another grid
+/// step. The tangent depends on the grid step alone, not on earlier factors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct GridStep(u32);
 
@@ -105,8 +105,8 @@ impl GridStep {
 /// Mean per channel and second moment at a node, then their derivatives by the coordinate.
 type Knot = [f32; 8];
 
-/// A knot over the scales of its curve, which are its largest numbers: rounding to half precision moves a curve by 0.03 % of
-/// them at most, and takes half of the memory.
+/// A knot divided by the scales of its curve, which are its largest values. Half precision takes half of the memory and
+/// changes a curve by at most 0.03 % of its scales.
 type StoredKnot = [f16; 8];
 
 /// The curves of all pixels that depend on one effective factor.
@@ -121,7 +121,7 @@ struct FactorCurves {
 
 /// The knots of all curves.
 struct Knots {
-    /// Factor by factor, node by node, pixel by pixel.
+    /// Knots ordered by factor, then node, then pixel.
     stored: Vec<StoredKnot>,
     /// Scale of mean per channel and second moment, curve by curve as in the Jacobian.
     scales: Vec<PixelMoments>,
@@ -140,12 +140,11 @@ pub struct Curves {
     folded: Folded,
 }
 
-/// The curves of one pixel, by group of lists with the same effective factor.
+/// Curves of one pixel: the index of each effective factor, and its knots.
 type PixelCurves = Vec<(usize, [Knot; NODES])>;
 
 impl Curves {
-    /// Bakes a recording. `table` determines the look-up that makes the factors; its values only matter where paths
-    /// fold.
+    /// Tabulates a recording. The curves depend on the look-up of `table`, not on its factors.
     pub fn bake(recording: &Recording, table: &AttenuationTable) -> Self {
         let lists = &recording.lists;
         // Lists with the same entries share their curves.
@@ -215,7 +214,6 @@ fn node_alphas(list: &[f32]) -> [Dual<f32>; NODES] {
     })
 }
 
-/// The curves of one pixel.
 fn bake_pixel(
     recording: &Recording,
     pixel: &RecordedPixel,
@@ -258,7 +256,7 @@ fn bake_pixel(
         .collect()
 }
 
-/// Reorders the curves of all pixels factor by factor, and makes their Jacobian, all zero.
+/// Reorders the curves of all pixels by factor, and allocates their Jacobian with zero derivatives.
 fn by_factor(
     entries: Vec<Vec<(GammaIndex, f32)>>,
     baked: &[PixelCurves],
@@ -269,7 +267,7 @@ fn by_factor(
             members[*g].push((pixel, knots));
         }
     }
-    // Lists that grew by doubling would hold up to twice as much.
+    // Exact capacities, since a vector that grows by doubling takes up to twice the memory.
     let curves = baked.iter().map(Vec::len).sum();
     let mut knots = Knots {
         stored: Vec::with_capacity(NODES * curves),
@@ -301,12 +299,12 @@ fn by_factor(
     (factors, knots, jacobian)
 }
 
-/// Upper bound of the sum of a pixel's curves, whatever the factors.
+/// Upper bound, over all factors, of the sum of a pixel's curves.
 fn bound(baked: &[PixelCurves]) -> [f64; 4] {
     let mut bound = [0.0f64; 4];
     for curves in baked {
         for (c, b) in bound.iter_mut().enumerate() {
-            // The Hermite basis of the derivatives is at most 4/27.
+            // A knot bounds its curve by |value| + |derivative|: the Hermite basis of the derivatives is at most 4/27.
             let highest = |knots: &[Knot; NODES]| -> f64 {
                 let of = knots.iter().map(|k| f64::from(k[c].abs() + k[4 + c].abs()));
                 of.filter(|v| v.is_finite()).fold(0.0, f64::max)
@@ -317,7 +315,7 @@ fn bound(baked: &[PixelCurves]) -> [f64; 4] {
     bound
 }
 
-/// Scales of a curve: the largest finite numbers of its knots, 1 where there is none.
+/// Scales of a curve: the largest finite absolute values of its knots, or 1 if all are 0.
 fn scales(knots: &[Knot; NODES]) -> PixelMoments {
     std::array::from_fn(|c| {
         let sizes = knots.iter().flat_map(|k| [k[c].abs(), k[4 + c].abs()]);
@@ -326,7 +324,6 @@ fn scales(knots: &[Knot; NODES]) -> PixelMoments {
     })
 }
 
-/// A knot as it is stored.
 fn store(knot: &Knot, scales: &PixelMoments) -> StoredKnot {
     std::array::from_fn(|c| f16::from_f32(knot[c] / scales[c % 4]))
 }
@@ -353,7 +350,7 @@ impl Knots {
 }
 
 impl FactorCurves {
-    /// The effective factor.
+    /// The effective factor at a table, from [`GAMMA_MIN`] to 1.
     fn gamma(&self, table: &AttenuationTable) -> f32 {
         let raw: f32 = self
             .entries

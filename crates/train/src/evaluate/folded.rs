@@ -1,8 +1,7 @@
 //! Events on paths of more than five vertices, whose roughness values fold (`docs/method.md` section 2): each depends
 //! on the factors of several classes.
 //!
-//! They are evaluated exactly, with derivatives, at one table, the anchor, and followed by the tangent from there until
-//! the factors have moved too far.
+//! They are evaluated exactly, with derivatives, at one table, the anchor. Tables near the anchor use its tangent.
 
 use crate::evaluate::Moments;
 use crate::evaluate::jacobian::{Jacobian, PixelMoments};
@@ -30,7 +29,8 @@ struct FoldedEvent {
 pub(crate) struct Folded {
     /// Lists of the events, all of them long.
     lists: RoughnessLists,
-    /// The events, pixel by pixel, in one list of the right size: one for each pixel would grow to half as much again.
+    /// The events, pixel by pixel, in one vector of exact capacity: one vector for each pixel would take half as much
+    /// memory again.
     events: Vec<FoldedEvent>,
     /// Number of samples and range of the events, by pixel.
     pixels: Vec<(f64, Range<usize>)>,
@@ -51,7 +51,7 @@ type FoldedPixel = ([f64; 4], Vec<(u16, PixelMoments)>);
 /// Derivatives of one pixel by class while they are summed.
 struct Scratch {
     derivatives: Vec<PixelMoments>,
-    /// Classes with a derivative, a bit each.
+    /// One bit for each class with a derivative.
     seen: [u64; LEN.div_ceil(64)],
     buffer: PrefetchBuffer,
 }
@@ -76,7 +76,7 @@ impl Scratch {
         }
     }
 
-    /// Takes the sums, times `scale`, out.
+    /// Removes the sums and returns them times `scale`, in ascending order of class.
     fn take(&mut self, scale: f32) -> Vec<(u16, PixelMoments)> {
         let count = self.seen.iter().map(|word| word.count_ones()).sum::<u32>();
         let mut entries = Vec::with_capacity(count as usize);
@@ -208,7 +208,7 @@ impl Folded {
         self.set_tangent(table, &evaluated);
     }
 
-    /// Stores moments and derivatives, which were evaluated pixel by pixel at `table`, class by class.
+    /// Stores the moments and derivatives of all pixels at `table`, reordered by class.
     fn set_tangent(&mut self, table: &AttenuationTable, evaluated: &[FoldedPixel]) {
         self.value.clear();
         self.weights = vec![0.0; LEN];
@@ -244,7 +244,7 @@ impl Folded {
         starts.zip(&self.ends).map(|(start, &end)| start..end)
     }
 
-    /// Adds the events to their pixels, by the tangent from the anchor to a table.
+    /// Adds the moments of the events to their pixels, extrapolated by the tangent from the anchor to a table.
     pub(crate) fn follow(&self, table: &AttenuationTable, pixels: &mut [PixelMoments]) {
         let Some(anchor) = &self.anchor else { return };
         for (pixel, value) in pixels.iter_mut().zip(&self.value) {
@@ -258,7 +258,7 @@ impl Folded {
         }
     }
 
-    /// Adds the events to the moments, each evaluated at the table.
+    /// Adds the moments of the events, each evaluated at the table.
     pub(crate) fn add_exact(&self, table: &AttenuationTable, moments: &mut Moments) {
         if self.is_empty() {
             return;

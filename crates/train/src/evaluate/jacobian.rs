@@ -7,19 +7,19 @@ use std::ops::Range;
 /// Mean per channel and second moment of a pixel.
 pub(crate) type PixelMoments = [f32; 4];
 
-/// Moments of all pixels as sums of contributions that come and go.
+/// Sums of the moments of each pixel, whose terms are replaced one by one.
 ///
-/// Contributions are rounded to a grid on which additions of `f64` are exact, so that a sum depends on its terms alone
-/// and not on their order or history: a resumed training has bit-identical sums.
+/// Terms are rounded to a grid on which additions of `f64` are exact, so that a sum depends on its terms alone and not
+/// on their order or history: a resumed training has bit-identical sums.
 #[derive(Default)]
 pub(crate) struct ExactSums {
-    /// 1.5 times the power of two above all sums: adding it rounds a contribution to its last place.
+    /// 1.5 times a power of two above all sums: adding and subtracting it rounds a term to the last place of a sum.
     rounder: [f64; 4],
     pixels: Vec<[f64; 4]>,
 }
 
 impl ExactSums {
-    /// Zeros, for contributions whose absolute values in a pixel add up to at most `bound`.
+    /// Zero sums, for terms whose absolute values in a pixel add up to at most `bound`.
     pub(crate) fn new(pixels: usize, bound: [f64; 4]) -> Self {
         Self {
             rounder: bound.map(|b| 1.5 * b.max(f64::MIN_POSITIVE).log2().ceil().exp2() * 2.0),
@@ -27,7 +27,7 @@ impl ExactSums {
         }
     }
 
-    /// Replaces a contribution.
+    /// Replaces a term.
     #[inline]
     pub(crate) fn exchange(&mut self, pixel: u32, old: PixelMoments, new: PixelMoments) {
         let sum = &mut self.pixels[pixel as usize];
@@ -44,11 +44,11 @@ impl ExactSums {
     }
 }
 
-/// Sparse Jacobian: derivatives of pixels' moments by factors. Its elements lie factor by factor, and the caller knows
-/// the range of each factor.
+/// Sparse Jacobian: derivatives of pixels' moments by factors. Elements are ordered by factor; the caller stores the
+/// range of each factor.
 ///
-/// A training step reads all of them twice and is bound by memory, so they are stored as bfloat16, with eight bits of
-/// mantissa. Moments and gradient read the same rounded numbers, so that one stays the derivative of the other.
+/// A training step reads all elements twice and is bound by memory, so they are stored as bfloat16, with eight bits of
+/// mantissa. Moments and gradient use the same rounded numbers, so that the gradient is the derivative of the moments.
 #[derive(Default)]
 pub(crate) struct Jacobian {
     pixels: Vec<u32>,
@@ -77,8 +77,8 @@ const BLOCK: usize = 256;
 /// Independent partial sums, so that no addition waits for another.
 const LANES: usize = 4;
 
-/// Derivatives unpacked per block: inside the reduction LLVM emits about twenty scalar instructions instead of one
-/// interleave.
+/// Derivatives unpacked at a time, before the reduction: inside it LLVM emits about twenty scalar instructions instead
+/// of one interleave.
 const UNPACKED: usize = 4 * LANES;
 
 /// Calls `visit` for every derivative in order, with its index in the block, its pixel and its value.
@@ -153,9 +153,9 @@ impl Jacobian {
         }
     }
 
-    /// Adds to the moments what they change by when the factor of `range` moves by `by`.
+    /// Adds the change of the moments when the factor of `range` changes by `by`.
     pub(crate) fn follow(&self, range: Range<usize>, by: f32, moments: &mut [PixelMoments]) {
-        // Late in a training two factors of five stay at a bound.
+        // Late in a training two of five factors stay at a bound.
         if by == 0.0 {
             return;
         }
@@ -188,7 +188,7 @@ impl Jacobian {
     }
 }
 
-/// Adds moments that lie pixel by pixel.
+/// Adds the moments of each pixel to means and second moments.
 pub(crate) fn add(pixels: &[PixelMoments], moments: &mut Moments) {
     let sums = moments.mean.iter_mut().zip(&mut moments.second);
     for ((mean, second), pixel) in sums.zip(pixels) {
@@ -199,7 +199,7 @@ pub(crate) fn add(pixels: &[PixelMoments], moments: &mut Moments) {
     }
 }
 
-/// An adjoint, pixel by pixel.
+/// Four derivatives of each pixel, from those of the means and second moments.
 pub(crate) fn by_pixel(adjoint: &Adjoint) -> Vec<PixelMoments> {
     adjoint
         .mean

@@ -1,8 +1,8 @@
 //! Evaluation: mean and second moment of every pixel of a crop, and their derivatives, at any table.
 //!
-//! Two sources of the same numbers (`docs/method.md` section 7): [`replay`] evaluates the events of a recording one by
-//! one, and [`curves`] reads tabulated curves over the factor, with `folded` for the paths that have none. Between exact
-//! evaluations they extrapolate the moments linearly by a sparse `jacobian`.
+//! Two sources compute these moments (`docs/method.md` section 7). [`replay`] evaluates the events of a recording one
+//! by one; [`curves`] interpolates tabulated curves over the factor, and `folded` adds the paths without curves.
+//! Between exact evaluations `curves` and `folded` extrapolate the moments linearly by a sparse `jacobian`.
 
 pub mod curves;
 mod folded;
@@ -11,7 +11,7 @@ pub mod replay;
 
 use opsr::regularise::{AttenuationTable, LEN};
 
-/// Smallest factor that is learned: at exactly 0 a Dirac lobe stays one and has no gradient, so that a factor could
+/// Smallest factor that is learned. At 0 a Dirac lobe stays a Dirac lobe and has no gradient, so that a factor could
 /// never leave 0.
 pub(crate) const GAMMA_MIN: f32 = 1e-3;
 
@@ -28,7 +28,7 @@ pub struct Moments {
 pub type Adjoint = Moments;
 
 impl Moments {
-    /// Zeros.
+    /// Zeros for this number of pixels.
     pub fn zero(pixels: usize) -> Self {
         Self {
             mean: vec![[0.0; 3]; pixels],
@@ -39,10 +39,10 @@ impl Moments {
 
 /// Moments of a crop at any table, and their derivatives.
 pub trait MomentSource: Send + Sync {
-    /// Moments at a table, by tangents where the source has them.
+    /// Moments at a table, extrapolated by tangents if the source stores tangents.
     fn moments(&mut self, table: &AttenuationTable) -> Moments;
 
-    /// Moments at a table without tangents, which stay as they are.
+    /// Moments at a table, evaluated without tangents; stored tangents do not change.
     fn exact(&mut self, table: &AttenuationTable) -> Moments {
         self.moments(table)
     }
@@ -50,10 +50,10 @@ pub trait MomentSource: Send + Sync {
     /// Gradient dL/dγ of all factors, given dL/dmoments, at the table of the last call of [`MomentSource::moments`].
     fn gradient(&self, table: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64>;
 
-    /// Linearises at a table whatever the source linearises.
+    /// Linearises the folded paths at a table; does nothing in a source without such tangents.
     fn anchor(&mut self, _table: &AttenuationTable) {}
 
-    /// Adds, per class, the light in the linearised part that depends on the factor: Σ |d mean / d ln γ| at the anchor.
+    /// Adds Σ |d mean / d ln γ| of the linearised paths at the anchor to `weights`, class by class.
     fn add_weights(&self, _weights: &mut [f64]) {}
 
     /// Cost of a step relative to other crops, in any unit.

@@ -20,8 +20,8 @@ struct ReplayedEvent {
     code: u32,
     from_lobe: bool,
     moment: MeanAndSquare<Dual>,
-    /// Part of the path's sum that does not share a path with this event: itself, and the other lobe samples of its
-    /// vertex.
+    /// Part of the path's sum that is not multiplied with this event: the event itself; for a lobe sample, all lobe
+    /// samples of its vertex.
     alternatives: [f64; 3],
 }
 

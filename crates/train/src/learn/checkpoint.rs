@@ -30,7 +30,7 @@ const FILE: Sealed = Sealed {
     most: 1 << 26,
 };
 
-/// Header of the file. Payload: the factors of the anchor, the factors of the best table if there is one, the parameters, the
+/// Header of the file. Payload: factors of the anchor, factors of the best table if there is one, parameters,
 /// optimiser.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -43,8 +43,8 @@ struct Header {
 }
 
 impl Checkpoint {
-    /// Hash of all that a training depends on: settings, version, scenes, references. The number of steps is not part
-    /// of it, so that a finished training can be continued.
+    /// SHA-256 of all that a training depends on: settings, version, scenes, references. It excludes the number of
+    /// steps, so that a finished training can be continued, and the interval of checkpoints.
     pub fn fingerprint<'a>(
         config: &Config,
         beta: f32,
@@ -91,7 +91,7 @@ impl Checkpoint {
         })
     }
 
-    /// Reads a checkpoint of the training with this fingerprint.
+    /// Reads a checkpoint; fails for another fingerprint and for a damaged file.
     pub fn load(path: &Path, fingerprint: &str) -> Result<Self, FileError> {
         let (header, payload): (Header, _) = FILE.load(path)?;
         if header.fingerprint != fingerprint {

@@ -10,9 +10,9 @@ use opsr::regularise::{AttenuationTable, Lookup};
 use rayon::prelude::*;
 
 /// Mean |Δ ln γ|, weighted by the light that depends on each factor, up to which the tangents of folded paths are used.
-/// A tenth leaves an error of the second order, half a per cent of the folded part. In the mean loss over steps 1500 to
-/// 3000 (`opsr train --beta 0.001 --spp 192 --steps 3000 --set validate_every=250`) half of it gains 0.3 %, one and a
-/// half times loses 0.3 %.
+/// A reach of 0.1 leaves a second-order error of half a per cent of the folded part. Half of it lowers the mean loss
+/// over steps 1500 to 3000 (`opsr train --beta 0.001 --spp 192 --steps 3000 --set validate_every=250`) by 0.3 %, one
+/// and a half times raises it by 0.3 %.
 const TANGENT_REACH: f64 = 0.1;
 
 /// Crops with their references and the sources of their moments.
@@ -25,15 +25,15 @@ pub struct CropSet {
     weights: Vec<f64>,
 }
 
-/// A crop and what it is learned from.
+/// A crop with its moments, its target and its events per class.
 struct TrainingCrop {
-    /// Place among all that were ever in the set: sums depend on the order of their terms.
+    /// Order in which crops were added: sums depend on the order of their terms.
     place: usize,
     crop: Crop,
     source: Box<dyn MomentSource>,
     target: Target,
     visits: Visits,
-    /// Known losses of constant factors: the searches for every β ask for much the same factors.
+    /// Cached losses of constant factors: the searches for every β evaluate nearly the same factors.
     constants: Vec<((f32, Lookup), CropLoss)>,
 }
 
@@ -87,7 +87,7 @@ impl CropSet {
         }
     }
 
-    /// Puts crops back to their places, which were removed.
+    /// Puts removed crops back in their places.
     pub fn restore(&mut self, removed: Self) {
         self.crops.extend(removed.crops);
         self.crops.sort_by_key(|crop| crop.place);
@@ -154,7 +154,7 @@ impl CropSet {
         ln.exp() as f32
     }
 
-    /// The loss over the crops.
+    /// The mean loss of these crops, for [`CropSet::gradient`].
     pub fn objective(&self, beta: f32, backend: LossBackend) -> Objective {
         let targets: Vec<&Target> = self.crops.iter().map(|c| &c.target).collect();
         Objective::new(&targets, beta, backend)

@@ -21,7 +21,6 @@ pub(crate) fn device() -> Device {
     Device::ndarray()
 }
 
-/// A vector as a tensor.
 pub(crate) fn tensor(values: Vec<f32>, device: &Device) -> Tensor<1> {
     let shape = [values.len()];
     Tensor::from_data(TensorData::new(values, shape), device)
@@ -103,7 +102,7 @@ pub(crate) fn mean_loss(losses: &[CropLoss], beta: f32) -> Option<f32> {
         .then(|| losses.iter().map(|l| l.total(beta)).sum::<f32>() / losses.len() as f32)
 }
 
-/// Implementation of loss and derivative. The derivatives of both are bit-identical.
+/// Implementation of loss and derivative. The derivatives of all variants are bit-identical.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LossBackend {
     /// burn's tensors and automatic differentiation.
@@ -236,7 +235,7 @@ impl LossGraph {
         let loss = (errors + rest).sum();
         let value: f32 = loss.clone().into_scalar();
         let mut gradients = loss.backward();
-        // Removed, because burn would copy a gradient that somebody else still holds.
+        // Removed from the map, because burn copies a gradient that has a second owner.
         let gradient = x.grad_remove(&mut gradients);
         let mut mean: Vec<f32> = gradient
             .and_then(|g| g.into_data().try_into_vec().ok())

@@ -1,6 +1,6 @@
-//! Learning: a [`session`] takes the [`recordings`] of the crops of a configuration, and the [`outer_loop`] learns a table
-//! for each β: [`loss`] and gradient summed over a [`crop_set`], a step of Adam on the parameters of a [`model`] under a prior,
-//! validations, and [`checkpoint`]s.
+//! Learning: a [`session`] prepares the [`recordings`] of a configuration's crops, and the [`outer_loop`] learns a
+//! table for each β. A step sums [`loss`] and gradient over a [`crop_set`] and moves the parameters of a [`model`] by
+//! Adam, with a prior; validations and [`checkpoint`]s follow at intervals.
 
 pub mod checkpoint;
 pub mod crop_set;

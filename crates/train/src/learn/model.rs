@@ -1,4 +1,4 @@
-//! Parameters: a burn module, the factors that it makes, and Adam.
+//! Parameters of the table as a burn module, and Adam.
 
 use crate::config::Optimiser;
 use crate::evaluate::GAMMA_MIN;
@@ -10,7 +10,7 @@ use burn::tensor::{Bytes, Tensor};
 use burn_pack::{DType, Reader};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
 
-/// Gradients below this are rounding noise, on which Adam would walk, since its steps do not depend on their scale.
+/// Gradients below this are rounding noise, which Adam would follow: its steps do not depend on the gradient's scale.
 const NOISE: f64 = 1e-10;
 
 #[derive(Module, Debug)]
@@ -60,7 +60,7 @@ impl Learner {
             .unwrap_or_default()
     }
 
-    /// The table that the parameters make.
+    /// The table of the current parameters, its factors clamped to \[10⁻³, 1\].
     pub fn table(&self) -> AttenuationTable {
         let mut table = AttenuationTable::constant(0.0);
         for (gamma, value) in table.gammas.iter_mut().zip(self.values()) {
@@ -114,7 +114,7 @@ impl Learner {
         })
     }
 
-    /// Continues from a state. Parameters first: they carry the identifiers by which Adam finds its moments.
+    /// Continues from a state. Parameters come first: Adam finds its moments by their identifiers.
     pub fn restore(self, state: LearnerState) -> Result<Self, RecordError> {
         let numbers = self.values().len();
         let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(state.parameters))?;

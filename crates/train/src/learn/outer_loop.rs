@@ -74,7 +74,8 @@ pub struct LogEntry {
     pub seconds: Option<f64>,
 }
 
-/// Callback after every step, with its number, its loss, and a log entry where there is one. It can stop the training.
+/// Callback at every step with its number, its loss and, after a validation, the log entry; `Break` stops the training.
+/// The last call, after all steps, has a loss of NaN.
 pub type Listener<'a> = &'a mut dyn FnMut(u32, f32, Option<&LogEntry>) -> ControlFlow<()>;
 
 /// Result of a training for one β.
@@ -150,7 +151,7 @@ impl<'a> OuterLoop<'a> {
         })
     }
 
-    /// The state of the checkpoint, if there is a folder.
+    /// Continues from the checkpoint in the folder; without a folder, from the first step.
     pub(super) fn resume(self) -> Result<Self, TrainError> {
         let Some(path) = &self.path else {
             return Ok(self);
@@ -169,7 +170,7 @@ impl<'a> OuterLoop<'a> {
         })
     }
 
-    /// Takes all steps.
+    /// Takes the remaining steps, with validations and checkpoints.
     pub(super) fn run(mut self, listen: Listener<'_>) -> Result<Outcome, TrainError> {
         let config = self.config;
         let backend = match config.method {
@@ -207,11 +208,11 @@ impl<'a> OuterLoop<'a> {
                 self.save()?;
             }
         }
-        // Before the last validation, which a resumed training does not have.
+        // Saved before the last validation, which is not part of a training that continues from this checkpoint.
         self.save()?;
         if !stopped {
             self.validate();
-            // There is nothing left to stop.
+            // The training has ended, so that the answer does not matter.
             let _ = listen(self.step, f32::NAN, self.log.last());
         }
         Ok(Outcome {

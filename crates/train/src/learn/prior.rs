@@ -1,11 +1,11 @@
-//! The prior of a table: the factor of a class is near that of its suffix, the class without the vertex nearest the camera.
+//! Prior of a table: the factor of a class is near that of its suffix, the class without the vertex nearest the camera.
 //!
 //! ```text
 //! P(γ) = κ / LIVE · Σ (ln γ_c − ln γ_s)²      over classes c with events, s the longest suffix of c with events
 //! ```
 //!
-//! It is added to the loss. Most factors hardly change the loss, and without it their values are those of the noise of a
-//! recording. Where a class carries much light, the loss outweighs it.
+//! The prior is added to the loss. Most factors hardly change the loss, and without the prior they would fit the noise of
+//! a recording. In classes that carry much light, the loss outweighs the prior.
 
 use crate::record::visits::{LIVE, Visits};
 use opsr::regularise::{GammaIndex, LEN};
@@ -95,7 +95,6 @@ mod tests {
         );
     }
 
-    /// A table that differs nowhere from its suffixes costs nothing.
     #[test]
     fn prior_of_a_constant_is_zero() {
         let prior = Prior::new(1.0, &Visits(vec![1; LEN]));

@@ -1,4 +1,4 @@
-//! The recordings that a training needs: made by it, or before it by other processes and kept in files.
+//! The recordings of a training: traced by it, or read from files that other processes wrote before.
 
 use crate::config::{Config, Evaluation};
 use crate::evaluate::MomentSource;
@@ -18,17 +18,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// Place of the recordings of a session, and requests to end or report them.
+/// Folder of a session's recordings, its stop flag, and its progress callback.
 pub struct RecordingControl<'a> {
-    /// Folder of recordings. What it has is read, other recordings are traced and kept there; `None` for memory alone.
+    /// Folder of recordings: files in it are read, missing ones are traced and saved there. `None` writes no files.
     pub folder: Option<PathBuf>,
     /// True if the folder must have all recordings and no others. Then no path is traced.
     pub complete: bool,
-    /// Checkpoints that are to be resumed, with their β. One of another training is refused before anything is recorded.
+    /// Checkpoints to resume, with their β. A checkpoint of another training is an error before any path is traced.
     pub checkpoints: Vec<(f32, PathBuf)>,
     /// Set to end the recording with [`DatasetError::Stopped`].
     pub stop: Arc<AtomicBool>,
-    /// Function that is called when a crop begins.
+    /// Callback at the start of every crop.
     pub listen: &'a (dyn Fn(&RecordingProgress<'_>) + Sync),
 }
 
@@ -49,15 +49,15 @@ impl Default for RecordingControl<'_> {
 pub struct RecordingProgress<'a> {
     /// Name of the crop that begins.
     pub crop: &'a str,
-    /// Recordings that are done.
+    /// Number of finished recordings.
     pub done: usize,
-    /// All recordings.
+    /// Number of all recordings.
     pub of: usize,
     /// Time left, extrapolated from the recordings that were traced; `None` before the first.
     pub left: Option<Duration>,
 }
 
-/// The crops of a training, and the recordings that it needs of them, in order.
+/// The crops of a training and the settings of their recordings, in order.
 pub struct Recordings {
     pub(super) config: Config,
     pub(super) jobs: Vec<RecordingJob>,
@@ -113,13 +113,13 @@ impl Recordings {
         self.jobs.iter().map(RecordingJob::file_name).collect()
     }
 
-    /// The crops of these files, each true if it is learned from.
+    /// The crops in the order of [`Recordings::names`]; true for crops that are learned from.
     pub fn crops(&self) -> impl Iterator<Item = (&Crop, bool)> {
         self.jobs.iter().map(|job| (&job.crop, job.training))
     }
 
-    /// Records the crops with these numbers into the folder. Whole files that are there are kept. Damaged files and files of
-    /// other settings are refused.
+    /// Records the crops with these numbers into the folder. Complete files there are kept; damaged files and files of
+    /// other settings are errors.
     ///
     /// Panics for numbers that do not exist.
     pub fn record(
@@ -145,7 +145,7 @@ impl Recordings {
         Ok(done.into_iter().collect::<Result<_, _>>()?)
     }
 
-    /// Records all of them, or reads them, and prepares the configured evaluation.
+    /// Records or reads all crops, and prepares the configured evaluation.
     pub(super) fn prepare(
         &self,
         control: &RecordingControl<'_>,
@@ -161,7 +161,7 @@ impl Recordings {
         Ok(done.into_iter().collect::<Result<_, _>>()?)
     }
 
-    /// Refuses files of other settings, before any path is traced: a recording must not come to lie beside those.
+    /// Refuses files of other settings before any path is traced, so that no folder mixes recordings of two settings.
     fn check_kept(
         &self,
         jobs: &[RecordingJob],
@@ -200,7 +200,7 @@ impl Recordings {
     }
 }
 
-/// The recordings in a folder, by name.
+/// Paths of the recordings in a folder, sorted; none for a folder that cannot be read.
 pub fn recordings_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let paths = entries.map(|entry| entry.path());
@@ -233,7 +233,7 @@ pub(super) struct RecordingJob {
 }
 
 impl RecordingJob {
-    /// The recording of a crop, the one with this number.
+    /// The job of a crop, which is number `index` of the training.
     fn new(index: usize, crop: Crop, training: bool, config: &Config) -> Self {
         let domain = if training {
             Domain::Recording
@@ -267,7 +267,7 @@ impl RecordingJob {
             && let Some(place) = place
             && let Err(error) = recording.save(place, &self.fingerprint(config))
         {
-            // It is of use only if the training is stopped.
+            // The file only saves time if the training is stopped and resumed.
             tracing::warn!("a recording is not kept, so that --resume makes it again: {error}");
         }
         if stop.load(Ordering::Relaxed) {
@@ -305,7 +305,6 @@ impl RecordingJob {
         )?))
     }
 
-    /// A new recording.
     fn trace(&self, config: &Config, stop: &Arc<AtomicBool>) -> Result<Recording, DatasetError> {
         let Config {
             record_gammas,
@@ -316,7 +315,7 @@ impl RecordingJob {
             .record_until(record_gammas, *roulette, self.spp, self.seed, stop)
     }
 
-    /// Paths of the recording.
+    /// Number of paths of the recording.
     fn paths(&self) -> u64 {
         u64::from(self.spp) * self.crop.window.len() as u64
     }
@@ -329,11 +328,11 @@ impl RecordingJob {
     }
 }
 
-/// Bytes of a recorded path: in curves, which the nine training scenes take with 1024 samples per pixel, and as events.
+/// Bytes of a recorded path as curves, measured on the nine training scenes at 1024 samples per pixel, and as events.
 const CURVE_BYTES: u64 = 50;
 const EVENT_BYTES: u64 = 30;
 
-/// Bytes for each path of the largest recording: two are in the making at a time, in up to three copies.
+/// Bytes for each path of the largest recording: two are made at a time, in up to three copies.
 const MAKING: u64 = 2 * 3 * EVENT_BYTES;
 
 /// Refuses recordings that need more memory than there is.
@@ -348,11 +347,11 @@ fn check_memory(jobs: &[RecordingJob], config: &Config) -> Result<(), TrainError
     Ok(memory::check(what, kept + making)?)
 }
 
-/// Ending of the names of recordings.
+/// File name extension of recordings.
 pub(crate) const RECORDING: &str = "recording";
 
-/// Runs jobs, two at a time: while one thread puts a recording together, the paths of another are traced. Results are
-/// in the order of the jobs, up to the first error.
+/// Runs jobs, two at a time: while one thread assembles a recording, the paths of another are traced. Results are in
+/// the order of the jobs, up to the first error.
 fn run_all<T: Send>(
     jobs: &[RecordingJob],
     control: &RecordingControl<'_>,

@@ -72,8 +72,8 @@ impl Session {
 
     /// Learns a table for one β.
     ///
-    /// The state is kept in `last.ckpt` of `folder`, from which `resume` continues bit-identically. The listener is called
-    /// after every step and can stop the training.
+    /// Checkpoints go to `last.ckpt` in `folder`, from which `resume` continues bit-identically. `listen` is called at
+    /// every step and can stop the training.
     pub fn learn(
         &mut self,
         beta: f32,

@@ -69,7 +69,7 @@ pub enum DatasetError {
         /// The problem.
         problem: String,
     },
-    /// A folder of recordings lacks some.
+    /// Recordings are missing from a folder.
     #[error("{}", unrecorded(folder, missing))]
     Unrecorded {
         /// The folder.
@@ -154,8 +154,8 @@ impl Crop {
         }
     }
 
-    /// Records the events of samples `0..spp`. Lobes are sampled with each of the constant factors `gammas`; events
-    /// that carry less than `roulette` times the reference play Russian roulette.
+    /// Records the events of samples `0..spp`. Lobes are sampled with each of the constant factors `gammas`. Events
+    /// that carry less than `roulette` times the reference undergo Russian roulette.
     pub fn record(
         &self,
         gammas: &[f32],
@@ -181,7 +181,7 @@ impl Crop {
         self.trace(&drawn.0, tape, spp, seed)
     }
 
-    /// Hash of all that a recording with these arguments depends on.
+    /// SHA-256, in hexadecimal digits, of all that a recording with these arguments depends on.
     pub fn fingerprint(&self, gammas: &[f32], roulette: f32, spp: u32, seed: Seed) -> String {
         let mut digest = Sha256::new();
         let Self {
@@ -203,7 +203,7 @@ impl Crop {
         hex(&digest.finalize())
     }
 
-    /// Records the events of samples `0..spp` with this rule.
+    /// Records the events of samples `0..spp` with this rule; each lobe is sampled once, at the rule's roughness.
     pub fn record_with(&self, rule: Rule, spp: u32, seed: Seed) -> Result<Recording, DatasetError> {
         self.trace(rule, Tape::new(self.window), spp, seed)
     }
@@ -239,7 +239,7 @@ impl Crop {
         }
     }
 
-    /// The crop as integrators see it.
+    /// View of the crop, for integrators.
     pub fn view(&self) -> View<'_> {
         View::new(&self.scene, &self.camera, self.frame, self.window)
     }

@@ -11,8 +11,8 @@
 //! ```
 //!
 //! is unbiased for every roughness a and equals the renderer's own estimate where p₀ = p(a). It needs no term for edges
-//! or visibility, since the samples stay fixed. The noise of the realised mean at a depends on p₀, and a loss of
-//! absolute errors sees that noise: p₀ must be large wherever the table goes.
+//! or visibility, since the samples stay fixed. The variance of the realised mean at a depends on p₀ and raises a loss
+//! of absolute errors: p₀ must be large at all roughness values that the table can give.
 
 use opsr::bsdf::{DELTA_ALPHA, Distribution, LobeQuery, LobeReal, LobeShape};
 use opsr::integrator::{Event, Technique};
@@ -56,7 +56,7 @@ pub struct MeanAndSquare<T> {
 
 impl StoredEvent {
     /// Stores an event of the path tracer. `drawn` is the density of its direction, summed over all `draws` samples of
-    /// the vertex's lobe. `None` for an event that carries no light at any roughness.
+    /// the vertex's lobe. `None` for an event that is dark at every roughness or not finite.
     pub fn new(event: &Event, drawn: f32, draws: usize, code: u32) -> Option<Self> {
         let Event {
             query, radiance, ..
@@ -66,7 +66,7 @@ impl StoredEvent {
         let weight = if event.delta_light {
             1.0 / event.pdf_light
         } else {
-            // A direction that every draw has counts for all of them.
+            // Every draw has the direction of the continuation, so one event counts for all draws.
             let times = if event.technique == Technique::Continuation {
                 draws
             } else {

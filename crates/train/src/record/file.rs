@@ -43,7 +43,7 @@ const PIXEL: usize = 4 + 24 + 8 + 4;
 const PATH: usize = 12 + 4 + 4;
 
 impl Recording {
-    /// Writes the file, whole or not at all. `fingerprint` says what the recording depends on.
+    /// Writes the file, whole or not at all. `fingerprint` identifies all inputs of the recording.
     pub fn save(&self, path: &Path, fingerprint: &str) -> Result<(), FileError> {
         let header = Header {
             fingerprint: fingerprint.into(),
@@ -83,13 +83,13 @@ impl Recording {
         })
     }
 
-    /// Refuses a file that was not saved with this fingerprint. What follows the header is not read.
+    /// Fails for a file that was saved with another fingerprint; reads the header only.
     pub fn check(path: &Path, fingerprint: &str) -> Result<(), FileError> {
         let (header, _): (Header, _) = FILE.stream(path).map_err(|problem| problem.at(path))?;
         header.check(path, fingerprint)
     }
 
-    /// Reads the recording of a crop of `pixels` pixels. One that was saved with another fingerprint is refused.
+    /// Reads the recording of a crop of `pixels` pixels; fails for another fingerprint or size and for a damaged file.
     pub fn load(path: &Path, fingerprint: &str, pixels: usize) -> Result<Self, FileError> {
         let (header, payload): (Header, _) = FILE.load(path)?;
         header.check(path, fingerprint)?;
@@ -113,12 +113,10 @@ fn take<'a, const N: usize>(
     Ok(records.as_chunks().0)
 }
 
-/// The four bytes from `at` on.
 fn four(record: &[u8], at: usize) -> [u8; 4] {
     std::array::from_fn(|i| record[at + i])
 }
 
-/// The eight bytes from `at` on.
 fn eight(record: &[u8], at: usize) -> [u8; 8] {
     std::array::from_fn(|i| record[at + i])
 }

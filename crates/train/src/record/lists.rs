@@ -1,4 +1,4 @@
-//! Roughness values of paths, each list kept once.
+//! Roughness values of paths, each list stored once.
 //!
 //! α′ and its derivative depend on the list of a path's roughness values alone. There are far fewer lists than events,
 //! so both are computed per list and looked up by its number, the *code*. While paths are traced, lists grow vertex by
@@ -23,7 +23,7 @@ pub(crate) struct Interner {
     index: HashMap<u64, u32, FixedState>,
 }
 
-/// Parent and roughness of a node as one number, which is cheap to hash: it is done at every vertex of every path.
+/// Parent and roughness of a node as one number, which hashes fast: every vertex of every path is looked up.
 fn key(parent: Option<u32>, alpha: f32) -> u64 {
     let parent = parent.map_or(0, |p| u64::from(p) + 1);
     parent << 32 | u64::from(alpha.to_bits())
@@ -139,7 +139,7 @@ impl RoughnessLists {
         self.list(code).len() > MAX_VERTICES
     }
 
-    /// The lists of paths that fold, and the code that each has here.
+    /// The lists of paths that fold, and the code of each in `self`.
     pub(crate) fn long(&self) -> (Self, Vec<u32>) {
         let long: Vec<u32> = self.codes().filter(|&code| self.is_long(code)).collect();
         let lists = long.iter().map(|&code| self.list(code));
@@ -179,9 +179,8 @@ impl RoughnessLists {
         ListAlphas { chunks }
     }
 
-    /// Walks all lists, chunk by chunk in parallel. A path state `S` goes along: `push` adds a vertex to it, once for
-    /// all lists with the same prefix. `visit` gets the chunk's result, the state before the last vertex, and that
-    /// vertex's roughness.
+    /// Walks all lists, chunk by chunk in parallel. `push` adds a vertex to a path state `S`, once for all lists with
+    /// the same prefix. `visit` gets the chunk's result, the state before the last vertex, and that vertex's roughness.
     fn walk<S: Clone + Default, T: Send>(
         &self,
         result: impl Fn() -> T + Sync,
@@ -191,7 +190,7 @@ impl RoughnessLists {
         let chunks = (0..self.len()).into_par_iter().step_by(CHUNK);
         let walk_chunk = |start: usize| {
             let mut result = result();
-            // States after 0, 1, 2 … vertices of the current list; those beyond its end are left from others.
+            // States after 0, 1, 2 … vertices of the current list; entries beyond its end belong to earlier lists.
             let mut states = vec![S::default()];
             let mut known = 0;
             for code in start..self.len().min(start + CHUNK) {
@@ -224,7 +223,7 @@ pub struct ListAlphas {
 /// Number of derivatives stored beside α′: enough for paths of up to nine vertices whose factors are not interpolated.
 const INLINE: usize = 2;
 
-/// α′ of a list and its derivatives, in one piece because it is read at random.
+/// α′ of a list and its derivatives, in one struct because lists are read in random order.
 #[derive(Clone, Copy, Debug, Default)]
 struct ListAlpha {
     alpha: f32,
@@ -274,7 +273,7 @@ pub(crate) struct PrefetchBuffer {
 }
 
 impl ListAlphas {
-    /// Copies α′ of `codes` into a buffer, in a loop that does nothing else: the processor then waits for many cache
+    /// Copies α′ of `codes` into a buffer, in a loop that does nothing else, so that the processor waits for many cache
     /// misses at a time instead of one after the other.
     pub(crate) fn prefetch(&self, codes: impl Iterator<Item = u32>, buffer: &mut PrefetchBuffer) {
         buffer.entries.clear();

@@ -1,9 +1,9 @@
-//! Recording: paths are traced once and their events kept.
+//! Recording: paths are traced once and their events stored.
 //!
 //! A [`Crop`](crop::Crop) is traced with a [`Tape`](recording::Tape) as the observer. The tape samples every roughened
-//! lobe with several [`proposals`], plays Russian [`roulette`] with faint [`event`]s, and numbers the [`lists`] of
-//! roughness values on which their α′ depends. The result is a [`Recording`](recording::Recording): per path a constant
-//! and a few events; a [`mod@file`] keeps it for a training that is stopped.
+//! lobe with several [`proposals`], drops faint [`event`]s by Russian [`roulette`], and numbers the [`lists`] of
+//! roughness values on which their α′ depends. The result is a [`Recording`](recording::Recording): a constant and a
+//! few events for each path. A [`mod@file`] stores it, so that a stopped training can resume.
 
 pub mod crop;
 pub mod event;

@@ -1,18 +1,18 @@
 //! Factors with which a recording samples its lobes.
 //!
-//! A direction sampled from a lobe at one roughness says little about the lobe at another: where the light is large,
-//! and so p_l small, an event sampled at γ₀ is many times as noisy at 10 γ₀ as the renderer is there. So a recording
+//! Directions sampled from a lobe at one roughness estimate the lobe at another one badly. For a large light, whose p_l
+//! is small, an event sampled at γ₀ has many times the noise at 10 γ₀ that the renderer has there. So a recording
 //! samples the lobe of every roughened vertex once with each of several factors, and weights all samples with the
-//! balance heuristic (`[Veach97]` eq. 9.8): wherever the table goes, some samples were drawn nearby.
+//! balance heuristic (`[Veach97]` eq. 9.8): some samples were drawn near any factor that the table can have.
 
 use opsr::bsdf::{BsdfEval, DELTA_ALPHA, LobeQuery};
 use opsr::regularise::{ConstantGamma, PathRoughness, Roughening, Scattered};
 
-/// Ratio of α′ below which two proposals count as one: the factors are chosen for a mirror, and most of them change
-/// little on a surface that is rough by itself.
+/// Ratio of α′ below which two proposals count as one: the factors are chosen for a mirror, and most of them hardly
+/// change the α′ of a surface that is rough by itself.
 const MIN_RATIO: f32 = 1.7;
 
-/// Constant factors with which lobes are sampled, ascending. As a rule of the path tracer it roughens by the first.
+/// Constant factors with which lobes are sampled, ascending. As a [`Roughening`] they roughen by the first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposals {
     gammas: Vec<f32>,
@@ -53,7 +53,7 @@ impl Proposals {
         }
     }
 
-    /// Density of a direction summed over all proposals, and the largest value.
+    /// Density of a direction summed over all proposals, and the largest value of the lobe over them.
     pub(crate) fn all(query: &LobeQuery, alphas: &[f32]) -> BsdfEval {
         let lobes = alphas.iter().map(|&alpha| query.at(alpha));
         lobes.fold(BsdfEval::default(), |all, lobe| BsdfEval {

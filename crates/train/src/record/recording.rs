@@ -48,7 +48,7 @@ pub struct Recording {
     pub lists: RoughnessLists,
 }
 
-/// Observer of paths that becomes a [`Recording`]. Tiles of a crop are recorded by forks.
+/// Path observer that collects a [`Recording`]. Each tile of a crop is recorded by a fork.
 #[derive(Clone, Debug)]
 pub struct Tape {
     window: Window,
@@ -119,7 +119,7 @@ impl Recording {
 }
 
 impl Tape {
-    /// An empty tape. Lobes are sampled with several factors, and faint events play roulette.
+    /// An empty tape. Lobes are sampled with several factors, and faint events undergo Russian roulette.
     pub fn drawn(window: Window, drawn: Arc<(Proposals, EventRoulette)>) -> Self {
         Self {
             drawn: Some(drawn),
@@ -148,12 +148,12 @@ impl Tape {
         }
     }
 
-    /// The tape, which ends as soon as `stop` is set.
+    /// Ends the recording as soon as `stop` is set.
     pub fn until(self, stop: Arc<AtomicBool>) -> Self {
         Self { stop, ..self }
     }
 
-    /// The code of the current path with the current vertex, of roughness `alpha`.
+    /// Code of the current path up to the current vertex, which has roughness `alpha`.
     #[inline]
     fn code(&mut self, alpha: f32) -> u32 {
         match self.here {
@@ -190,14 +190,14 @@ impl Tape {
         self.events.extend(weight.map(|times| event.times(times)));
     }
 
-    /// Places in `drawn_at` of the lobes that are drawn at the last vertex of a code.
+    /// Range in `drawn_at` of the proposals' α′ at the last vertex of a code.
     fn draws_of(&self, code: u32) -> Range<usize> {
         let code = code as usize;
         let start = code.checked_sub(1).map_or(0, |c| self.drawn_ends[c]);
         start..self.drawn_ends[code]
     }
 
-    /// Stores an event; false for one that carries no light at any roughness.
+    /// Stores an event; false if it is dark at every roughness or not finite.
     fn record(&mut self, event: &Event, code: u32) -> bool {
         let (drawn, draws) = if self.drawn.is_some() {
             let alphas = &self.drawn_at[self.draws_of(code)];
@@ -255,7 +255,7 @@ impl PathObserver for Tape {
             return;
         }
         let code = self.code(point.alpha);
-        // The path tracer has drawn at the first roughness itself.
+        // The path tracer itself has sampled the first roughness.
         for i in self.draws_of(code).skip(1) {
             if let Some(event) = point.lobe_event(self.drawn_at[i], u) {
                 self.record(&event, code);

@@ -1,15 +1,15 @@
 //! Russian roulette over the events of a recording.
 //!
-//! Most events carry next to nothing: lobes are sampled with several factors, and few of the samples point to where the
-//! light is. So an event that carries less than a share of its pixel's reference, at all of the factors with which its
-//! lobe was sampled, survives with a probability in proportion and then weighs as much more (Arvo and Kirk 1990). Mean
-//! and second moment are linear in every event's weight, so both stay unbiased.
+//! Most events contribute almost nothing: lobes are sampled with several factors, and few samples point towards the
+//! light. An event is faint if its contribution is below a share of its pixel's reference at all factors with which its
+//! lobe was sampled. It survives with a probability proportional to that contribution, and its weight is divided by the
+//! probability (Arvo and Kirk 1990). Mean and second moment are linear in every event's weight, so both stay unbiased.
 //!
-//! An event that carries x < t and survives with probability x/t has the variance x (t − x). Over all events of a path
-//! sample that is at most t times what the path carries, so a share s of the reference f adds at most s f² to the
-//! variance of a path sample. With s = 0.3 half of the events are dropped where there are most (long glossy paths), and
-//! the absolute percentage error of 256 samples grows by 0.6 % in the crops with the least noise, by less than 0.2 % in
-//! others.
+//! An event that contributes x < t and survives with probability x/t has the variance x (t − x). Summed over the events
+//! of a path sample this is at most t times the path's contribution, so a share s of the reference f adds at most s f²
+//! to the variance of a path sample. With s = 0.3 half of the events are dropped in the crops with most events (long
+//! glossy paths). The absolute percentage error of 256 samples grows by 0.6 % in the crops with the least noise, by less
+//! than 0.2 % in others.
 
 use crate::record::target::{EPSILON, Target};
 use opsr::math::UVec2;
@@ -20,7 +20,7 @@ use opsr::sampler::{
 /// The roulette of one crop's recording.
 #[derive(Clone, Debug)]
 pub struct EventRoulette {
-    /// Contribution below which an event of each pixel plays, summed over the channels.
+    /// Contribution, summed over the channels, below which an event of each pixel is faint.
     thresholds: Vec<f32>,
     source: Independent,
 }

@@ -1,13 +1,13 @@
-//! The picture that a crop is to become.
+//! Target of a crop: its reference, and the constants of the loss.
 
 /// ε of MAPE, in units of the scaled reference.
 pub const EPSILON: f32 = 0.01;
 
 /// Mean to which the reference of every crop is scaled. The variance has the unit of radiance squared and MAPE has
-/// none, so that without a common scale β would mean something else in each crop.
+/// none, so that without a common scale β would weigh the variance differently in each crop.
 pub const BRIGHTNESS: f32 = 0.3;
 
-/// The reference of a crop as the loss sees it.
+/// The reference of a crop and the number of samples that the loss assumes.
 #[derive(Clone, Debug)]
 pub struct Target {
     /// Converged, unregularised radiance, unscaled, row by row.
