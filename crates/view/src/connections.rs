@@ -3,7 +3,7 @@
 use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Most connections at a time.
+/// Maximum number of open connections.
 const MOST: usize = 48;
 
 /// Open connections, the oldest first.
@@ -19,9 +19,9 @@ struct Slots {
 
 struct Connection {
     number: u64,
-    /// To be shut where its place is needed.
+    /// Handle that closes the connection when its place is needed.
     stream: TcpStream,
-    /// It has shown the token.
+    /// True once a request had the token.
     known: bool,
 }
 
@@ -32,7 +32,7 @@ pub(super) struct Place {
 }
 
 impl Connections {
-    /// A place for a connection. If all are taken, the oldest connection without the token is closed; `None` if there is none.
+    /// A place for a connection. If all are taken, the oldest one without the token is closed; `None` if all have it.
     pub(super) fn admit(connections: &Arc<Self>, stream: &TcpStream) -> Option<Place> {
         let held = stream.try_clone().ok()?;
         let mut slots = connections.lock();
@@ -61,7 +61,7 @@ impl Connections {
 }
 
 impl Place {
-    /// Keeps the place: its client has shown the token.
+    /// Keeps the place, since a request of the client had the token.
     pub(super) fn keep(&self) {
         let mut slots = self.connections.lock();
         let mine = slots

@@ -1,4 +1,4 @@
-//! Frames of the animations that are played: each is kept, within bounds, and replaced by a better one.
+//! Frames of animations that are played: each is stored, within bounds, until a better one replaces it.
 
 use opsr::image::Buffer;
 use opsr::image::display::Display;
@@ -9,15 +9,15 @@ use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Most frames per second, and most frames.
+/// Maximum frames per second, and maximum number of frames.
 const RATE: f64 = 24.0;
 const MOST_FRAMES: f64 = 4096.0;
 
-/// Most bytes of the frames of a film.
+/// Maximum bytes of the frames of a film, and bytes of a pixel.
 const MOST_BYTES: f64 = (1 << 29) as f64;
 const BYTES_OF_PIXEL: f64 = 12.0;
 
-/// Frames of animations of this length, from the first moment to the last before they begin anew, and frames per second.
+/// Number of frames of one loop of animations of this length, and frames per second.
 pub(super) fn pace(seconds: f64) -> (usize, f64) {
     let rate = RATE / (seconds * RATE / MOST_FRAMES).ceil().max(1.0);
     let count = (seconds * rate - 1e-6).ceil().clamp(1.0, MOST_FRAMES);
@@ -32,7 +32,7 @@ pub(super) fn seconds(moment: Moment) -> f64 {
     }
 }
 
-/// The moment of animations that run.
+/// Clock of running animations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clock {
     since: Instant,
@@ -54,11 +54,11 @@ impl Clock {
     }
 }
 
-/// A frame that is kept.
+/// A stored frame.
 pub(super) struct Still {
     /// Linear radiance.
     pub(super) picture: Buffer,
-    /// Number of the round that it is of.
+    /// Number of its round.
     pub(super) round: usize,
     pub(super) samples: u32,
     /// The command that renders this frame alone.
@@ -71,7 +71,7 @@ pub(super) struct Film {
     /// Options that it was made with.
     pub(super) key: String,
     pub(super) rate: f64,
-    /// Least number of pixels of a side that become one: frames of that size can all be kept.
+    /// Minimum edge of a frame's pixel, in pixels of the view, with which all frames fit into memory.
     pub(super) scale: u32,
     in_studio: bool,
     /// Every frame with the number of its change.
@@ -114,7 +114,7 @@ impl Film {
         self.stills[number] = (self.changes, Some(Arc::new(still)));
     }
 
-    /// The frame that is missing and that a clock reaches first, from these seconds on.
+    /// The missing frame that the clock reaches first, from these seconds on.
     pub(super) fn first_missing(&self, from: f64) -> Option<usize> {
         let from = (from * self.rate).rem_euclid(self.len() as f64).ceil() as usize;
         let mut around = (0..self.len()).map(|i| (from + i) % self.len());
@@ -127,12 +127,12 @@ impl Film {
         (self.stills.iter()).position(|(_, still)| earlier(still))
     }
 
-    /// Changes after one of this number.
+    /// True if there are changes after this one.
     pub(super) fn is_newer(&self, change: u64) -> bool {
         self.changes > change
     }
 
-    /// The oldest change after one of this number: its number, that of the frame, and the frame.
+    /// The oldest change after this one: its number, the number of the frame, and the frame.
     pub(super) fn after(&self, change: u64) -> Option<(u64, usize, Arc<Still>)> {
         let all = self.stills.iter().enumerate();
         let newer = all.filter_map(|(frame, (number, still))| {
@@ -144,7 +144,7 @@ impl Film {
             .map(|(number, frame, still)| (number, frame, still.clone()))
     }
 
-    /// Shows all frames anew.
+    /// Counts every frame as changed, and drops the exposure.
     pub(super) fn repaint(&mut self) {
         self.exposure = None;
         for (number, still) in &mut self.stills {
@@ -155,7 +155,7 @@ impl Film {
         }
     }
 
-    /// Exposure and view: automatic exposure is that of one frame for all, so that a film does not flicker.
+    /// Exposure and view. All frames share the automatic exposure of one frame, so that a film does not flicker.
     pub(super) fn display(&mut self, spec: &Spec, picture: &Buffer) -> Display {
         let view = spec.view.unwrap_or_default();
         let auto = spec.exposure.unwrap_or_default() == Exposure::Auto;

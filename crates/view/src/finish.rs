@@ -1,5 +1,5 @@
-//! From a film to the picture that is shown: the choice among levels, errors, the denoiser. A thread of its own with a pool of
-//! its own, so that a camera that turns never waits for it; of the films that wait only the newest is kept.
+//! From a film to the picture that is shown: the choice among levels, errors, the denoiser. A separate thread and pool
+//! do this, so that previews never wait for it. Of the waiting films only the newest is kept.
 
 use super::hub::{Hub, Snapshot};
 use super::likeness::likeness;
@@ -28,7 +28,7 @@ pub(super) struct Job {
     pub(super) over: Arc<AtomicBool>,
 }
 
-/// The film that waits, one for each side.
+/// The waiting films, at most one for each side.
 #[derive(Default)]
 pub(super) struct Slot {
     waiting: Mutex<Waiting>,
@@ -39,12 +39,12 @@ pub(super) struct Slot {
 struct Waiting {
     jobs: [Option<Job>; 2],
     busy: bool,
-    /// Seconds that the last one took.
+    /// Seconds that the last film took.
     cost: f64,
 }
 
 impl Slot {
-    /// Takes a film in place of the one that waits.
+    /// Replaces the waiting film of a side.
     pub(super) fn offer(&self, job: Job) {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         let side = job.side;
@@ -53,14 +53,14 @@ impl Slot {
         self.changed.notify_all();
     }
 
-    /// Seconds that the last film took; `None` while one is worked at.
+    /// Seconds that the last film took; `None` while a film waits or is in work.
     pub(super) fn cost(&self) -> Option<f64> {
         let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         let busy = waiting.busy || waiting.jobs.iter().any(Option::is_some);
         (!busy).then_some(waiting.cost)
     }
 
-    /// The film that waits, of the first side first; `None` where none comes for a moment.
+    /// The next film, of the first side first; `None` if none comes for 0.2 s.
     pub(super) fn take(&self) -> Option<Job> {
         let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         let (mut waiting, _) = self
@@ -75,7 +75,7 @@ impl Slot {
         job
     }
 
-    /// Ends the work at a film that took these seconds.
+    /// Ends the work on a film, which took these seconds.
     pub(super) fn done(&self, cost: f64) {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         (waiting.busy, waiting.cost) = (false, cost);
@@ -104,7 +104,7 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
                 state.words_number += 1;
             }),
         }
-        // The witness has time of its own: it looks after the picture is shown.
+        // The picture is shown before the witness runs, which is not part of this cost.
         let cost = clock.elapsed().as_secs_f64();
         if due && pool.install(|| witness.look(&job)) {
             let words = witness.of(run).map(ToString::to_string);
@@ -114,7 +114,7 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
                     state.words_number += 1;
                 }
             });
-            // What is missing belongs to the error and to its map.
+            // The missing light is part of the error and of its map.
             if let Some(missing) = witness.of(run)
                 && let Ok(snapshot) =
                     pool.install(|| finished(&job, &spec, &against, Some(missing)))
@@ -126,17 +126,17 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
     }
 }
 
-/// The other picture of a film, and how it is held against it.
+/// The picture that a film is compared with, and the kind of comparison.
 struct Against {
     picture: Option<Arc<Snapshot>>,
-    /// The picture of the reference in its place.
+    /// The reference, which replaces that picture.
     reference: Option<Arc<Buffer>>,
-    /// FLIP of every pixel is shown.
+    /// True if FLIP of every pixel is shown.
     shown: bool,
 }
 
 impl Against {
-    /// The other picture of a job, with the options of its picture; `None` if its render is no longer the one that is shown.
+    /// The comparison of a job, with the current options; `None` if its render is obsolete.
     fn of(hub: &Hub, job: &Job) -> Option<(Spec, Self)> {
         let state = hub.lock();
         if job.run != state.run {
@@ -156,7 +156,7 @@ impl Against {
         Some((state.options.spec.clone(), against))
     }
 
-    /// Mean FLIP, and that of every pixel where it is shown.
+    /// Mean FLIP, and FLIP of every pixel if it is shown.
     fn flip(&self, side: usize, picture: &Buffer) -> (Option<f64>, Option<Vec<f32>>) {
         let of_other = self.picture.as_ref().map(|shown| &shown.picture);
         let Some(other) = self.reference.as_deref().or(of_other) else {
@@ -172,7 +172,7 @@ impl Against {
     }
 }
 
-/// Light that a render has missed; it is measured at every doubling of the samples, and at the end.
+/// Light that a render misses, measured at every doubling of the samples and at the end.
 #[derive(Default)]
 struct Witness {
     run: u64,
@@ -195,12 +195,12 @@ impl Witness {
         job.samples >= next.max(FIRST)
     }
 
-    /// Light known to be missing in this render.
+    /// Missing light of this render, if any is known.
     fn of(&self, run: u64) -> Option<&Missing> {
         self.found.as_ref().filter(|_| self.run == run)
     }
 
-    /// Looks at a film; false if its render ended meanwhile.
+    /// Measures the missing light of a film; false if its render ended meanwhile.
     fn look(&mut self, job: &Job) -> bool {
         let stop = Stop::when(&job.over);
         let view = job.viewpoint.view(job.viewpoint.frame).until(&stop);
@@ -216,13 +216,13 @@ impl Witness {
 /// Maps of the pixels of a film.
 #[derive(Default)]
 pub(super) struct Maps {
-    /// Expected relative error, and of several levels its noise and bias.
+    /// Expected relative error, its noise, and for several levels its bias.
     pub(super) error: Option<Vec<f32>>,
     pub(super) noise: Option<Vec<f32>>,
     pub(super) bias: Option<Vec<f32>>,
     /// Chosen level.
     pub(super) level: Option<Vec<u8>>,
-    /// Share of the light that is missing at least.
+    /// Lower bound of the share of light that is missing.
     pub(super) missing: Option<Vec<f32>>,
     /// FLIP against the other picture.
     pub(super) flip: Option<Vec<f32>>,
@@ -230,7 +230,7 @@ pub(super) struct Maps {
     pub(super) stated: Option<f64>,
 }
 
-/// The picture of a film, by the code that writes its files.
+/// The picture of a film, by the code that writes files.
 fn finished(
     job: &Job,
     spec: &Spec,

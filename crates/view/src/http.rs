@@ -1,25 +1,25 @@
-//! As much of HTTP/1.1 as a page on this machine needs, with a bound on everything that a client can make large or slow.
+//! The part of HTTP/1.1 that a page on this machine needs, with bounds on sizes and times that a client controls.
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-/// Longest head of a request, and longest body.
+/// Maximum bytes of a request's head, and of its body.
 const MAX_HEAD: usize = 1 << 13;
 pub(super) const MAX_BODY: usize = 1 << 16;
 
-/// Most headers.
+/// Maximum number of headers.
 const MAX_HEADERS: usize = 64;
 
-/// Time that a connection may be silent, a request may take to arrive, and an answer to be read.
+/// Time limits of a silent connection, of the arrival of a request, and of sending an answer.
 const SILENCE: Duration = Duration::from_secs(30);
 const ARRIVAL: Duration = Duration::from_secs(5);
 const READING: Duration = Duration::from_secs(20);
 
-/// Bytes of a body that arrive in a second at least.
+/// Minimum rate at which a body arrives, in bytes per second.
 const SLOWEST: usize = 1 << 22;
 
-/// Bytes that are sent at once: a client that stalls is noticed between two of them.
+/// Bytes of one read or write: time limits are checked between two of them.
 const PIECE: usize = 1 << 16;
 
 /// A request.
@@ -32,7 +32,7 @@ pub(super) struct Request {
     pub(super) host: Option<String>,
     pub(super) origin: Option<String>,
     pub(super) content_type: Option<String>,
-    /// The body, once it is there.
+    /// The body, once it is read.
     pub(super) body: Vec<u8>,
     /// Lengths of head and body.
     lengths: (usize, usize),
@@ -108,8 +108,8 @@ impl Answer {
     }
 }
 
-/// Headers of every answer. Nothing from outside is loaded; pages of this machine may hold the page in a frame, as
-/// notebooks do, if they know its address.
+/// Headers of every answer. The page loads nothing from elsewhere; other pages of this machine may embed it in a frame,
+/// as notebooks do, if they have its address.
 const HEADERS: &str = "Content-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' \
 blob: data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self' http://localhost:* \
 http://127.0.0.1:* vscode-webview:\r\n\
@@ -123,7 +123,7 @@ Cache-Control: no-store\r\n";
 pub(super) enum End {
     /// The client closed the connection, or sent nothing for long.
     Gone,
-    /// An answer says why.
+    /// The request was refused; the answer has the reason.
     Refused(Answer),
 }
 
@@ -140,7 +140,7 @@ fn refused(status: u16, why: &str) -> End {
 /// A connection of a client.
 pub(super) struct Connection {
     stream: TcpStream,
-    /// Bytes of the next request.
+    /// Bytes read so far of the next request.
     ahead: Vec<u8>,
 }
 
@@ -174,7 +174,7 @@ impl Connection {
         }
     }
 
-    /// Reads the body of a request, which may have this many bytes.
+    /// Reads the body of a request; refuses a body of more than `most` bytes.
     pub(super) fn body(&mut self, request: &mut Request, most: usize) -> Result<(), End> {
         let (head, body) = request.lengths;
         if body > most {
@@ -190,7 +190,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Reads until there are `most` bytes at most.
+    /// Reads once, up to `most` bytes in all; fails at the deadline.
     fn more(&mut self, deadline: Instant, most: usize) -> Result<(), End> {
         let left = deadline.saturating_duration_since(Instant::now());
         if left.is_zero() {
@@ -208,7 +208,7 @@ impl Connection {
         }
     }
 
-    /// Sends an answer; `stays` if the connection does.
+    /// Sends an answer; `stays` keeps the connection open.
     pub(super) fn send(&mut self, answer: &Answer, stays: bool) -> io::Result<()> {
         let deadline = Instant::now() + READING;
         self.send_bytes(answer.head(stays).as_bytes(), deadline)?;
@@ -227,7 +227,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Ends the connection after a refusal: what the client still sends is read for a moment, so that it reads the reason.
+    /// Ends the connection after a refusal. Input is read for half a second more, so that the client reads the answer.
     pub(super) fn close(mut self) {
         let _ = self.stream.shutdown(std::net::Shutdown::Write);
         let deadline = Instant::now() + Duration::from_millis(500);
@@ -243,7 +243,7 @@ impl Connection {
     }
 }
 
-/// A request whose head is whole.
+/// Parses the head of a request; `None` if it is incomplete.
 fn parsed(bytes: &[u8]) -> Result<Option<Request>, End> {
     let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
     let mut parsed = httparse::Request::new(&mut headers);

@@ -1,4 +1,4 @@
-//! State that the threads of a viewer share: the newest of everything, and nothing that grows.
+//! State that the threads of a viewer share: the newest options and pictures, bounded in size.
 
 use super::film::Film;
 use super::finish::Maps;
@@ -13,7 +13,7 @@ use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Most points of a curve, and most pages that wait for a file.
+/// Maximum points of a curve, and maximum pages that wait for a file.
 const MAX_POINTS: usize = 256;
 const MAX_SAVES: usize = 4;
 
@@ -22,7 +22,7 @@ pub(super) struct Snapshot {
     pub(super) viewpoint: Arc<Viewpoint>,
     /// Number of its render.
     pub(super) run: u64,
-    /// True for one of fewer pixels than the frame, by the path tracer.
+    /// True for a picture of fewer pixels than the frame.
     pub(super) preview: bool,
     pub(super) samples: u32,
     /// Seconds of its render.
@@ -34,7 +34,7 @@ pub(super) struct Snapshot {
     pub(super) flip: Option<f64>,
 }
 
-/// Pixels for a page: rows from the top, four bytes each.
+/// Pixels for a page: rows from the top, RGBA with one byte per channel.
 #[derive(Clone)]
 pub(super) struct Painted {
     pub(super) size: UVec2,
@@ -49,7 +49,7 @@ pub(super) struct Frame {
     pub(super) other: Option<Painted>,
 }
 
-/// A render's course.
+/// Progress of a render.
 #[derive(Clone, Default)]
 pub(super) struct Course {
     pub(super) samples: u32,
@@ -59,7 +59,7 @@ pub(super) struct Course {
 }
 
 impl Course {
-    /// A point, which replaces a near one where there are many.
+    /// Adds a point; drops every second point first where there are too many.
     fn add(&mut self, seconds: f64, samples: u32, error: f64) {
         if !error.is_finite() || samples == 0 {
             return;
@@ -82,16 +82,16 @@ impl Course {
     }
 }
 
-/// All that is shared.
+/// The shared state.
 pub(super) struct State {
     pub(super) options: Options,
-    /// Numbers of the newest options, of pictures, frame and words.
+    /// Numbers of the last changes of options, pictures, frame and words.
     pub(super) options_number: u64,
     pub(super) shown_number: u64,
     pub(super) frame_number: u64,
     pub(super) words_number: u64,
     pub(super) open_scene: Option<Arc<OpenScene>>,
-    /// Frames of the animations, since they were played first.
+    /// Frames of the animations, once they have been played.
     pub(super) film: Option<Film>,
     pub(super) shown: Option<Arc<Snapshot>>,
     pub(super) other: Option<Arc<Snapshot>>,
@@ -102,7 +102,7 @@ pub(super) struct State {
     pub(super) phase: &'static str,
     pub(super) integrator: String,
     pub(super) notes: Vec<String>,
-    /// Light that the picture lacks, in words.
+    /// Description of the light that the picture misses.
     pub(super) missing: Option<String>,
     /// Mean FLIP of the two pictures.
     pub(super) flip: Option<f64>,
@@ -115,10 +115,10 @@ pub(super) struct State {
 pub(super) struct Hub {
     state: Mutex<State>,
     changed: Condvar,
-    /// The render on its way is no longer wanted.
+    /// True if the render in progress is obsolete.
     pub(super) disturbed: AtomicBool,
     ended: AtomicBool,
-    /// Buffer of the reference.
+    /// Picture of the reference.
     pub(super) reference: Option<Arc<Buffer>>,
 }
 
@@ -158,14 +158,14 @@ impl Hub {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Changes the state and wakes all who wait.
+    /// Changes the state and wakes all waiting threads.
     pub(super) fn change<T>(&self, change: impl FnOnce(&mut State) -> T) -> T {
         let changed = change(&mut self.lock());
         self.changed.notify_all();
         changed
     }
 
-    /// Waits until the condition holds, the viewer ends, or this long.
+    /// Waits until the condition holds, the viewer ends, or `most` has passed.
     pub(super) fn wait(
         &self,
         most: Duration,
@@ -210,18 +210,18 @@ impl Hub {
         })
     }
 
-    /// Says what went wrong, in the words of the command line.
+    /// Shows a fault on the page, with the option names of the command line.
     pub(super) fn fail(&self, fault: &Fault) {
         self.change(|state| {
             state.fault = Some(fault.message(Names::Flags));
             state.phase = "stopped";
-            // Nothing will come.
+            // There will be no picture to save.
             state.saves.clear();
             state.words_number += 1;
         });
     }
 
-    /// Shows a picture of render `run` of the first or the other side; one of an older render is dropped.
+    /// Shows a picture on the first or the other side; drops a picture of an older render.
     pub(super) fn show(&self, side: usize, snapshot: Snapshot) {
         self.change(|state| {
             if snapshot.run != state.run {
@@ -243,7 +243,7 @@ impl Hub {
         });
     }
 
-    /// Asks for the render as it is; `None` if too many do or none comes.
+    /// Waits for the current render; `None` if there is none, too many pages wait, or two minutes have passed.
     pub(super) fn keep(&self) -> Option<Outcome<'static>> {
         let (send, receive) = std::sync::mpsc::sync_channel(1);
         let room = self.change(|state| {

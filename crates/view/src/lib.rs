@@ -1,27 +1,27 @@
-//! A viewer in the browser: a page of this machine in which a scene refines while one looks at it.
+//! A viewer in the browser: a page on this machine that shows a scene while it is rendered.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `http` | requests and answers, bounded in size and time |
-//! | `serve` | who may ask, and what is answered |
+//! | `serve` | access control, and answers to requests |
 //! | `connections` | a bounded number of open connections |
 //! | `options` | options that pages set, checked |
-//! | `hub` | the newest of everything, shared by all threads |
-//! | `work` | the thread that renders |
+//! | `hub` | the state that all threads share |
+//! | `work` | the render thread |
 //! | `finish` | the thread that makes pictures of films |
-//! | `likeness` | FLIP of some pixels, while a picture changes |
-//! | `young` | pictures of few pixels before the first of the whole frame |
-//! | `film` | frames of animations, kept |
-//! | `play` | frames of animations that run, in rounds |
+//! | `likeness` | FLIP over tiles, while a picture changes |
+//! | `young` | previews of fewer pixels than the frame |
+//! | `film` | stored frames of animations |
+//! | `play` | playback: frames of animations, rendered in rounds |
 //! | `paint` | the thread that makes pixels of pictures |
 //! | `scene_file` | the file of the scene, and files that are dropped onto a page |
 //! | `open_scene` | values, surfaces and paths under the pointer |
-//! | `save` | files |
-//! | `page` | the page, by hand and whole |
+//! | `save` | files of the current render |
+//! | `page` | HTML, CSS and JavaScript of the page |
 //!
-//! Options are those of a render, by the same declarations, and the picture is that of `opsr render` with the same options, look
-//! and samples, bit for bit. Clients ask for the newest frame and wait for it: one that is slow misses frames, and one that
-//! stalls holds up nothing but itself.
+//! Options are those of `opsr render`, by the same declarations. The picture equals that of `opsr render` with the same
+//! options, camera and samples, bit for bit. Clients ask for the newest frame and wait for it: a slow client skips
+//! frames, and a stalled one delays no other.
 
 mod connections;
 mod film;
@@ -63,10 +63,10 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Listens on a port of the loopback interface, any that is free for 0.
+    /// Listens on a port of the loopback interface; 0 takes a free port.
     ///
-    /// Fails for options that do not go together, a port that is taken, and a reference that cannot be read. What is wrong with
-    /// the scene is said on the page.
+    /// Fails for conflicting options, a crop, a port in use, and a reference that cannot be read. Errors of the scene
+    /// are shown on the page.
     pub fn open(
         file: &Path,
         spec: &Spec,
@@ -99,13 +99,13 @@ impl Viewer {
         Ok(Self { listener, server })
     }
 
-    /// The address of the page. Who knows it can see the scene and change what is shown.
+    /// The address of the page, with its access token: clients that have it can see the scene and change what is shown.
     pub fn address(&self) -> String {
         let Server { port, token, .. } = &*self.server;
         format!("http://127.0.0.1:{port}/{token}/")
     }
 
-    /// Renders and answers until `stop` is set.
+    /// Renders and answers requests until `stop` is set.
     pub fn run(self, stop: &AtomicBool) -> Result<(), Fault> {
         let Self { listener, server } = self;
         let (finishing, painting) = (one_thread()?, one_thread()?);
@@ -130,8 +130,7 @@ impl Viewer {
             std::thread::sleep(Duration::from_millis(50));
         }
         hub.end();
-        // Wakes the server, which sees that the viewer has ended. The other threads end when they have done what they are at:
-        // nobody waits for that.
+        // Wakes the listening thread, which then returns. The other threads end by themselves after their current work.
         drop(TcpStream::connect((Ipv4Addr::LOCALHOST, server.port)));
         let _ = serving.join();
         server.dropped.remove();
@@ -139,7 +138,7 @@ impl Viewer {
     }
 }
 
-/// A pool of one thread, which shares the processor with that of the render by the system's clock and not by its queue.
+/// A pool of one thread, which the system schedules beside the render's threads: its work does not queue behind theirs.
 fn one_thread() -> Result<rayon::ThreadPool, Fault> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.map_err(|e| Fault::Output(format!("cannot start a thread: {e}")))

@@ -1,14 +1,13 @@
-//! FLIP of two pictures while they change: of some pixels, which takes a tenth of a second where all take seconds.
+//! FLIP of two pictures while they change, over tiles only: a tenth of a second, where the whole pictures take seconds.
 
 use opsr::image::Buffer;
 use opsr_metric::flip;
 
-/// Pixels of a side of a tile, and tiles in a row and a column.
+/// Pixels along an edge of a tile, and tiles in a row and a column.
 const EDGE: usize = 32;
 const TILES: (usize, usize) = (8, 5);
 
-/// Mean FLIP of the first picture against the second, by tiles spread evenly over both; `None` of pictures that do not go
-/// together.
+/// Mean FLIP of the first picture against the second, over tiles spread evenly; `None` if they cannot be compared.
 pub(super) fn likeness(picture: &Buffer, reference: &Buffer) -> Option<f64> {
     let equal = picture.size() == reference.size();
     let (test, reference) = equal.then(|| (tiles(picture), tiles(reference)))?;
@@ -16,7 +15,7 @@ pub(super) fn likeness(picture: &Buffer, reference: &Buffer) -> Option<f64> {
     Some(map.mean)
 }
 
-/// Tiles of a picture in place of all; a small picture itself. Seams are in both pictures, and change little.
+/// Tiles of a picture, side by side; a small picture whole. The seams are in both pictures and change FLIP little.
 fn tiles(picture: &Buffer) -> Buffer {
     let (width, height) = picture.size();
     let (columns, rows) = TILES;
@@ -37,7 +36,7 @@ mod tests {
     use opsr::math::Rgb;
     use opsr::sampler::{Domain, Seed};
 
-    /// A picture with an edge, a gradient and noise, against the one without noise: tiles tell what the whole does.
+    /// A picture with an edge, a gradient and noise, against the one without noise: tiles have nearly the FLIP of all.
     #[test]
     fn tiles_tell_what_the_whole_tells() {
         let shade = |x: usize, y: usize| {

@@ -1,4 +1,4 @@
-//! A scene that is open, and what a camera sees of it: values under the pointer, first surfaces, paths.
+//! An open scene, and queries from a camera: values under the pointer, first surfaces, paths.
 
 use super::options::Options;
 use glam::DAffine3;
@@ -15,7 +15,7 @@ use opsr_formats::FORMATS;
 use serde_json::{Value, json};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Samples whose paths are looked at, and paths that are shown.
+/// Samples whose paths are traced, and number of paths that are shown.
 const TRACED: u32 = 256;
 const SHOWN: usize = 24;
 
@@ -42,7 +42,7 @@ impl OpenScene {
         })
     }
 
-    /// Seconds that its animations take.
+    /// Length of the longest animation in seconds; 0 without animations.
     pub(super) fn seconds(&self) -> f64 {
         (self.opened.animations.iter()).fold(0.0, |last, animation| last.max(animation.seconds))
     }
@@ -90,7 +90,7 @@ pub(super) struct Viewpoint {
     pub(super) frame: UVec2,
     /// Settings of the path tracer of one level, by the rule of the render.
     pub(super) settings: Settings,
-    /// First surfaces at the last size that was asked for.
+    /// Cache of the first surfaces, at the last requested size.
     first: Mutex<Option<(UVec2, First)>>,
 }
 
@@ -121,7 +121,7 @@ impl Viewpoint {
         )
     }
 
-    /// The point at the centre of a pixel, and the distance along the view.
+    /// Hit, position and depth along the view of the surface at the centre of a pixel.
     pub(super) fn point(&self, pixel: UVec2) -> Option<(Hit, Vec3, f32)> {
         let sensor = Sensor {
             camera: &self.camera,
@@ -134,7 +134,7 @@ impl Viewpoint {
         Some((hit, position, depth))
     }
 
-    /// The surface at the centre of a pixel, for people.
+    /// Properties of the surface at the centre of a pixel.
     pub(super) fn describe(&self, pixel: UVec2) -> Value {
         let Some((hit, position, depth)) = self.point(pixel) else {
             return Value::Null;

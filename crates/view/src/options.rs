@@ -1,5 +1,5 @@
-//! A request of a page: options by the names of a render, a look, an overlay, a comparison. Everything that a page sends is
-//! checked here, before a thread of the renderer uses it.
+//! Options that pages set: those of a render by their names, a look, an overlay, a comparison. Messages of pages are
+//! checked here, before the render thread uses them.
 
 use super::film::{self, Clock};
 use super::scene_file::SceneFile;
@@ -33,10 +33,10 @@ pub(super) const CONTROLS: [&str; 18] = [
     "target_error",
 ];
 
-/// Options that are made of a finished film or of its picture: a change of them begins no render.
+/// Options that apply to a finished film or its picture: a change of them starts no render.
 const OF_SHOWING: [&str; 4] = ["exposure", "view", "resolve", "exr"];
 
-/// Options that may be left out beside others that exclude them.
+/// Options that are left out if others exclude them.
 const MAY_GO: [&str; 8] = [
     "table",
     "levels",
@@ -57,7 +57,7 @@ pub(super) enum Overlay {
     Picture,
     /// Expected relative error.
     Error,
-    /// Its part that is noise, and that which is bias; of several levels.
+    /// Noise and bias, the parts of that error; bias for several levels only.
     Noise,
     Bias,
     /// Chosen level of roughening.
@@ -68,7 +68,7 @@ pub(super) enum Overlay {
     Depth,
     /// FLIP against the other picture.
     Flip,
-    /// Light that a witness has found and the picture lacks.
+    /// Light that the picture misses, as the witness has found.
     Missing,
 }
 
@@ -95,7 +95,7 @@ impl Overlay {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) enum Other {
-    /// That of the reference.
+    /// The reference.
     Reference,
     /// The same scene with another integrator.
     Integrator(String),
@@ -103,7 +103,7 @@ pub(super) enum Other {
     Plain,
 }
 
-/// A message of a page: what it leaves out stays as it is.
+/// A message of a page; fields that it omits do not change.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Message {
@@ -115,27 +115,27 @@ pub(super) struct Message {
     #[serde(deserialize_with = "there")]
     other: Option<Option<Other>>,
     paused: Option<bool>,
-    /// The animations run, or stop.
+    /// Starts or stops the animations.
     playing: Option<bool>,
 }
 
-/// A value that may be `null`, which is not the same as one that is not there.
+/// Reads `null` as `Some(None)`, unlike a field that is missing.
 fn there<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
     from: D,
 ) -> Result<Option<T>, D::Error> {
     T::deserialize(from).map(Some)
 }
 
-/// Requests of all pages.
+/// Options that all pages share.
 #[derive(Clone, Debug)]
 pub(super) struct Options {
     /// The scene.
     pub(super) file: Arc<SceneFile>,
-    /// Options as they were asked for.
+    /// Options as pages have requested them.
     asked: Map<String, Value>,
-    /// Files that may be named.
+    /// Values of `env` and `table` at the start, the only files that pages may name.
     known: [Option<Value>; 2],
-    /// The table of the start.
+    /// Table at the start, which may be in memory only.
     held: Option<TableChoice>,
     /// The requested options that fit together.
     pub(super) spec: Spec,
@@ -155,7 +155,7 @@ pub(super) struct Options {
 }
 
 impl Options {
-    /// The options of a start.
+    /// Options at the start of the viewer.
     pub(super) fn new(
         spec: &Spec,
         file: Arc<SceneFile>,
@@ -200,7 +200,7 @@ impl Options {
         }
         if let Some(look) = message.look {
             look.check().map_err(|what| Fault::option("camera", what))?;
-            // The lens is that of the camera that was moved, and of the options.
+            // The lens stays that of the moved camera, or of the options.
             next.look = Some(Look {
                 aspect: None,
                 aperture: self.look.and_then(|look| look.aperture),
@@ -218,7 +218,7 @@ impl Options {
                 return Err(Fault::usage("there is no reference: --reference names one"));
             }
             next.other = other;
-            // Both have to go together.
+            // Fails if the other picture cannot be rendered.
             next.other_spec()?;
         }
         next.paused = message.paused.unwrap_or(next.paused);
@@ -230,7 +230,7 @@ impl Options {
         Ok(next)
     }
 
-    /// The options for another scene: those of the last one's cameras, moments and variants are left.
+    /// The options for another scene, without camera, moment and variant of the last one.
     pub(super) fn with_file(&self, file: Arc<SceneFile>) -> Result<Self, Fault> {
         let mut next = self.clone();
         for name in ["camera", "at", "variant"] {
@@ -243,7 +243,7 @@ impl Options {
         Ok(next)
     }
 
-    /// The camera of all moments; `None` for one of the file, which may move with its animations.
+    /// The camera of all moments; `None` for a camera of the file, which animations may move.
     pub(super) fn look_in(&self, scene: &Scene) -> Option<Look> {
         let own = scene.parts().cameras.is_empty();
         self.look.filter(|_| self.moved || own)
@@ -275,7 +275,7 @@ impl Options {
             self.asked.remove(name);
             return Ok(());
         }
-        // Read now, so that an error names its option.
+        // Parsed now, so that an error names its option.
         Spec::default().set(name, value)?;
         self.asked.insert(name.to_owned(), value.clone());
         Ok(())
@@ -301,8 +301,8 @@ impl Options {
         self.fitted(&asked, &[changed]).map(|(spec, _)| Some(spec))
     }
 
-    /// A valid spec of the requested options, and a message for each conflicting option that was removed. Those in `changed` are
-    /// never removed.
+    /// A valid spec of the requested options, and a message for each conflicting option that was removed; options in
+    /// `changed` are never removed.
     fn fitted(
         &self,
         asked: &Map<String, Value>,
@@ -318,14 +318,14 @@ impl Options {
         Ok((spec, left_out))
     }
 
-    /// Text that two sets of options share only if they are renders of the same scene.
+    /// Key that two sets of options share only if they open the same scene.
     pub(super) fn scene_key(&self) -> String {
         use opsr::render::Heading::{Light, Scene};
         let words = self.spec.words(&[Scene, Light]);
         format!("{} {words}", self.file.path.display())
     }
 
-    /// Text that two sets of options share only if they are the same render.
+    /// Key that two sets of options share only if they are the same render.
     pub(super) fn render_key(&self) -> String {
         let mut asked = self.spec.settings();
         asked.retain(|name, _| !OF_SHOWING.contains(&name.as_str()));
@@ -335,7 +335,7 @@ impl Options {
         format!("{file:?} {asked:?} {raw} {look:?} {other:?} {film:?}")
     }
 
-    /// Text that two sets of options share only if they have the same film.
+    /// Key that two sets of options share only if they have the same film.
     pub(super) fn film_key(&self) -> String {
         let mut asked = self.spec.settings();
         asked.retain(|name, _| !["exposure", "view", "at"].contains(&name.as_str()));
@@ -343,14 +343,14 @@ impl Options {
         format!("{:?} {asked:?} {look:?}", self.file.path)
     }
 
-    /// Exposure and view, as text.
+    /// Key of exposure and view.
     pub(super) fn display_key(&self) -> String {
         let settings = self.spec.settings();
         format!("{:?} {:?}", settings.get("exposure"), settings.get("view"))
     }
 }
 
-/// A spec of these settings; a table in memory has no name to be read by.
+/// A spec of these settings; `held` replaces the table of its name, since a table in memory has no file.
 fn remade(settings: &Map<String, Value>, held: Option<&TableChoice>) -> Result<Spec, Fault> {
     let mut spec = Spec::default();
     for (name, value) in settings {
@@ -362,7 +362,7 @@ fn remade(settings: &Map<String, Value>, held: Option<&TableChoice>) -> Result<S
     Ok(spec)
 }
 
-/// The spec without the option at fault, and why; the fault if it may not go.
+/// The spec without the option at fault, and why; the fault if the option must stay.
 pub(super) fn leave_out(
     spec: &Spec,
     fault: Fault,

@@ -1,5 +1,5 @@
-//! Pictures and overlays as pixels for a page. A thread of its own paints the newest picture whenever it or what is shown of
-//! it changes; colours are made by the code that writes PNG files.
+//! Pictures and overlays as pixels for a page. A separate thread paints the newest picture whenever it or its display
+//! changes; the code that writes PNG files makes the colours.
 
 use super::hub::{Frame, Hub, Painted, Snapshot};
 use super::options::Overlay;
@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Errors that are the ends of the scale.
+/// Relative errors at the ends of the colour scale.
 const ERRORS: [f32; 2] = [0.003, 1.0];
 
 /// Paints until the viewer ends.
@@ -70,7 +70,7 @@ pub(super) fn run(hub: &Hub, pool: &rayon::ThreadPool) {
     }
 }
 
-/// Exposure and view. While a camera turns, automatic exposure stays what it was: pictures of few pixels do not flicker.
+/// Exposure and view. Previews keep the last automatic exposure, so that they do not flicker while a camera turns.
 fn display(spec: &Spec, picture: &Snapshot, held: &mut Option<f32>) -> Display {
     let auto = spec.exposure.unwrap_or_default() == Exposure::Auto;
     let view = spec.view.unwrap_or_default();
@@ -100,7 +100,7 @@ pub(super) fn painted_picture(picture: &Buffer, display: Display) -> Painted {
     }
 }
 
-/// The overlay of a picture, and the ends of its scale; the picture itself where it has no such map.
+/// The overlay of a picture, and its legend; the picture itself if it has no such map.
 fn overlaid(picture: &Snapshot, overlay: Overlay, display: Display) -> (Painted, Value) {
     let plain = Display::from(0.0);
     let map = |values: &[f32], [low, high]: [f32; 2], what: &str| {
@@ -135,7 +135,7 @@ fn overlaid(picture: &Snapshot, overlay: Overlay, display: Display) -> (Painted,
     made.unwrap_or_else(|| (painted_picture(&picture.picture, display), Value::Null))
 }
 
-/// Values in [0, 1].
+/// False colours of values in [0, 1], and their legend.
 fn linear(picture: &Snapshot, values: &[f32], what: &str) -> (Painted, Value) {
     let size = picture.size;
     let shown = false_colour::map(size.x as usize, size.y as usize, values);
@@ -169,7 +169,7 @@ fn first(picture: &Snapshot, overlay: Overlay) -> Option<(Painted, Value)> {
             let (low, high) =
                 finite.fold((f32::INFINITY, 0.0f32), |(a, b), x| (a.min(x), b.max(x)));
             let span = (high - low).max(f32::MIN_POSITIVE);
-            // Near is bright, nothing is black.
+            // Near surfaces are bright, the background is black.
             let near = |x: &f32| {
                 if x.is_finite() {
                     1.0 - 0.9 * (x - low) / span

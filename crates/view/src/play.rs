@@ -1,5 +1,5 @@
-//! Animations that run: all frames of the film at a few samples, in the order in which they are shown, and then better ones, averaged
-//! along the surfaces that they share.
+//! Playback of animations: all frames of the film at a few samples, in the order of the clock, and then rounds of
+//! better frames, averaged along the surfaces that they share.
 
 use super::film::{self, Film, Still};
 use super::open_scene::{OpenScene, path_settings};
@@ -20,17 +20,17 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// Pixels of a side that become one, and samples, of the frames of each round after the first.
+/// Edge of a pixel in pixels of the frame, and samples, of the frames of each round after the first.
 const ROUNDS: [(u32, u32); 3] = [(HALF, 4), (1, 8), (1, 32)];
 
 /// Samples of the first frames, and seconds that one may take.
 const FIRST_SAMPLES: u32 = 2;
 const FIRST: f64 = 0.1;
 
-/// The text of a frame that holds its command.
+/// Metadata key of a frame's command.
 const COMMAND: &str = "command";
 
-/// The scene of the last frame with the hits of the centres of its pixels, and frames that wait for their neighbours.
+/// The scene of the last frame with the hits at its pixels' centres, and frames that wait for their neighbours.
 #[derive(Default)]
 struct Reel {
     last: Option<(Opened, Vec<Option<Hit>>)>,
@@ -38,7 +38,7 @@ struct Reel {
 }
 
 impl Reel {
-    /// The scene at the moment of a spec: that of the last frame, where cameras alone have moved since.
+    /// The scene at the moment of a spec; the scene of the last frame if only cameras have moved since.
     fn open(&mut self, spec: &Spec, path: &Path) -> Result<Opened, Fault> {
         if let Some((opened, _)) = &mut self.last
             && opened.at(spec, path, FORMATS)?
@@ -49,7 +49,7 @@ impl Reel {
         spec.open(path, FORMATS, opsr::scene::Scene::new)
     }
 
-    /// Adds a frame of a scene; gives the one whose neighbours are all there now.
+    /// Adds a frame of a scene; gives the frame that has all of its neighbours now.
     fn push(&mut self, opened: Opened, mut frame: Frame) -> Option<(&Frame, Averaged)> {
         let view = View::new(&opened.scene, &frame.camera, frame.size, frame.window);
         let (surfaces, hits) = Surfaces::of(&view);
@@ -60,13 +60,13 @@ impl Reel {
             frame.surfaces.before = places(&hits, &opened.scene, &last.scene);
         }
         self.last = Some((opened, hits));
-        // Frames of one round are of one size.
+        // Never an error: all frames of a round have one size.
         self.sequence.push(frame).ok().flatten()
     }
 }
 
 impl Renderer<'_> {
-    /// Makes frames of the film, and better ones in every round, until something changes.
+    /// Renders frames of the film, and better ones in every round, until something changes.
     pub(super) fn play(&mut self, options: &Options, open_scene: &OpenScene) -> Result<(), Fault> {
         let hub = self.hub;
         let frame = options.spec.frame(&open_scene.opened.scene)?;
@@ -81,7 +81,7 @@ impl Renderer<'_> {
             state.courses = Default::default();
             (state.fault, state.missing, state.flip) = (None, None, None);
             state.phase = "playing";
-            // A file is that of a moment at rest.
+            // Files show a moment at rest: pages that wait for one get none.
             state.saves.clear();
             state.words_number += 1;
             state.film.as_ref().map_or(1, |film| film.scale)
@@ -89,7 +89,7 @@ impl Renderer<'_> {
         let mut reel = Reel::default();
         let mut took = 0.0;
         let first = self.first_scale(frame).max(least);
-        // A frame that is ready late is shown late: the next is one that the clock has not reached.
+        // The next frame is the first that the clock has not reached by the time at which it is ready.
         while let Some(number) = self.film(|film| {
             let now = options.playing.map_or(0.0, |clock| clock.seconds());
             film.first_missing(now + took)
@@ -131,12 +131,12 @@ impl Renderer<'_> {
         Ok(())
     }
 
-    /// Asks the film, if there is one.
+    /// Calls `ask` with the film, if there is one.
     fn film<T>(&self, ask: impl FnOnce(&Film) -> Option<T>) -> Option<T> {
         self.hub.lock().film.as_ref().and_then(ask)
     }
 
-    /// Pixels of a side that become one, so that a frame takes little time.
+    /// Edge of a pixel, in pixels of the frame, with which a frame takes at most about [`FIRST`] seconds.
     fn first_scale(&self, frame: UVec2) -> u32 {
         let cost = self.young.cost.map_or(COST, |(_, cost)| cost);
         let pixels = frame.as_dvec2().element_product();
@@ -160,8 +160,8 @@ impl Renderer<'_> {
         });
     }
 
-    /// Renders a frame with this number of pixels of a side as one and these samples, its surfaces not traced yet; `None` if something
-    /// changed meanwhile.
+    /// Renders a frame with this edge of its pixels and these samples, without tracing its surfaces; `None` if
+    /// something changed meanwhile.
     fn frame(
         &mut self,
         options: &Options,
@@ -172,7 +172,7 @@ impl Renderer<'_> {
         let hub = self.hub;
         let mut spec = options.spec.clone();
         spec.at = Some(Moment::Frame(number as f64, rate));
-        // The same noise in all frames does not average.
+        // Equal noise in all frames would not average out.
         spec.seed = Some(spec.seed.unwrap_or_default().wrapping_add(number as u64));
         let file = &options.file;
         let opened = reel.open(&spec, &file.path);

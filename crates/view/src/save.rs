@@ -1,4 +1,4 @@
-//! Files of a render on its way, by the code that writes those of a finished one.
+//! Files of a render in progress, by the code that writes files of finished renders.
 
 use opsr::render::{Fault, Outcome};
 

@@ -1,4 +1,4 @@
-//! The file of the scene, and files that are dropped onto a page: they lie in a folder of their own as long as their scene is shown.
+//! The file of the scene. Files that are dropped onto a page are in a temporary folder while their scene is shown.
 
 use opsr::render::{Fault, Names};
 use serde::Deserialize;
@@ -7,11 +7,11 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use tempfile::TempDir;
 
-/// Most bytes of the files that are dropped at once, and most files.
+/// Maximum bytes of the files of one drop, and maximum number of files.
 pub(super) const MOST_BYTES: usize = 1 << 28;
 const MOST_FILES: usize = 1024;
 
-/// Most bytes of a name, and most folders in it.
+/// Maximum bytes of a name, and maximum number of its folders, the file counted as one.
 const MOST_NAME: usize = 512;
 const MOST_FOLDERS: usize = 16;
 
@@ -21,7 +21,7 @@ pub(super) struct SceneFile {
     pub(super) path: PathBuf,
     /// Its name in commands and messages.
     pub(super) name: String,
-    /// The folder of a dropped file, which is removed with this.
+    /// Folder of a dropped file, deleted with this value; `None` for other files.
     folder: Option<TempDir>,
 }
 
@@ -45,7 +45,7 @@ impl SceneFile {
         stem.map_or(String::new(), |stem| stem.to_string_lossy().into_owned())
     }
 
-    /// A fault without the folder of dropped files, which nobody knows.
+    /// A fault whose message leaves out the temporary folder of dropped files.
     pub(super) fn said(&self, fault: Fault) -> Fault {
         let Some(folder) = &self.folder else {
             return fault;
@@ -63,17 +63,17 @@ impl SceneFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Part {
-    /// Its name, with folders below that of the scene.
+    /// Its path, relative to the folder of the drop.
     name: String,
     size: usize,
 }
 
-/// The folder of all dropped files, which is made for the first.
+/// Temporary folder of all dropped files, made for the first drop.
 #[derive(Default)]
 pub(super) struct Dropped(Mutex<Option<TempDir>>);
 
 impl Dropped {
-    /// The scene of a message: the length of a list in four bytes, the list of names and sizes as JSON, the bytes of the files.
+    /// Unpacks a message: length of a list in four bytes, names and sizes as JSON, bytes of the files. Gives the scene.
     pub(super) fn unpacked(&self, message: &[u8]) -> Result<SceneFile, Fault> {
         let wrong = |what: &str| Fault::usage(format!("dropped files: {what}"));
         let failed = |e: io::Error| Fault::Output(format!("dropped files: {e}"));
@@ -115,7 +115,7 @@ impl Dropped {
         })
     }
 
-    /// A new folder, which nobody else may read.
+    /// A new folder within the temporary one.
     fn folder(&self) -> io::Result<TempDir> {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let all = match &mut *all {
@@ -125,15 +125,15 @@ impl Dropped {
         private(all.path())
     }
 
-    /// Removes all of them.
+    /// Deletes all dropped files.
     pub(super) fn remove(&self) {
         let all = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
-        // What cannot be removed is left to the system.
+        // Files that cannot be deleted stay in the system's temporary folder.
         let _ = all.map(TempDir::close);
     }
 }
 
-/// A folder in another one that its owner alone may read.
+/// A new folder within another one; on Unix its owner alone can read it.
 fn private(within: &Path) -> io::Result<TempDir> {
     let mut builder = tempfile::Builder::new();
     builder.prefix("opsr-");
@@ -160,7 +160,7 @@ fn is_scene(path: &Path) -> bool {
         .any(|e| ending.eq_ignore_ascii_case(e))
 }
 
-/// The path of a name that stays in its folder on every system.
+/// The path of a name; `None` for a name that leaves its folder on any system.
 fn path_of(name: &str) -> Option<PathBuf> {
     let path = PathBuf::from(name);
     let parts: Vec<&str> = name.split('/').collect();

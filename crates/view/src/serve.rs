@@ -1,7 +1,7 @@
-//! The server: who may ask, and what is answered.
+//! The server: access control, and answers to requests.
 //!
-//! It listens on the loopback interface only. Every address begins with a token that nobody can guess; the host must be this
-//! server's, so that a name of another site that leads here gets nothing, and so must the origin, where a browser names one.
+//! It listens on the loopback interface only. Every address begins with a secret token. The `Host` header must name
+//! this server, so that DNS names of other sites give no access; so must `Origin`, if a browser sends it.
 
 use super::connections::{Connections, Place};
 use super::film::{self, Film};
@@ -24,8 +24,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-/// Longest wait for something new, and most clients that may wait: a browser opens six connections to a server, and pages in
-/// many windows share them. Others are answered at once, and ask again after a while.
+/// Longest wait for something new, and maximum number of waiting clients: a browser opens six connections to a server,
+/// which all of its windows share. Other clients are answered at once and ask again later.
 const POLL: Duration = Duration::from_secs(5);
 const MAX_WAITING: usize = 3;
 
@@ -78,13 +78,13 @@ pub(super) struct Server {
     pub(super) hub: Arc<Hub>,
     pub(super) token: String,
     pub(super) port: u16,
-    /// Threads for what pages ask about pixels.
+    /// Threads for queries about pixels.
     pub(super) pool: rayon::ThreadPool,
     /// Clients that wait for something new.
     pub(super) waiting: AtomicUsize,
     /// Files that were dropped onto a page.
     pub(super) dropped: Dropped,
-    /// Held while files arrive and are opened: those of one page at a time.
+    /// Held while dropped files are received and opened, so that drops are handled one by one.
     pub(super) opening: Mutex<()>,
 }
 
@@ -107,7 +107,7 @@ impl Server {
                 return;
             }
             let Ok(stream) = stream else {
-                // No more files may be open: some will be closed.
+                // The limit of open files may be reached: some will close.
                 std::thread::sleep(Duration::from_millis(20));
                 continue;
             };
@@ -119,7 +119,7 @@ impl Server {
                 continue;
             };
             let server = self.clone();
-            // Where there are no more threads the connection is closed, and its place is free.
+            // If no thread can start, the connection is closed and its place is free again.
             let thread = std::thread::Builder::new().stack_size(1 << 20);
             let _ = thread.spawn(move || server.serve(stream, &place));
         }
@@ -145,7 +145,7 @@ impl Server {
         }
     }
 
-    /// The answer to the next request. Its body is read once its client has shown that it may ask.
+    /// The answer to the next request. The body is read only if the client has access.
     fn answered(&self, connection: &mut Connection, place: &Place) -> Result<Answer, End> {
         let mut request = connection.next()?;
         let path = self.permitted(&request).map_err(End::Refused)?.to_owned();
@@ -165,7 +165,7 @@ impl Server {
         Ok(answer.unwrap_or_else(|refusal| refusal))
     }
 
-    /// The path below the token, of a client that may ask.
+    /// The path below the token; a refusal for a client without access.
     fn permitted<'a>(&self, request: &'a Request) -> Result<&'a str, Answer> {
         let port = self.port;
         let hosts = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
@@ -277,7 +277,7 @@ impl Server {
         Ok(Answer::json(200, &json!({ "ok": true })))
     }
 
-    /// Opens files that were dropped onto a page. What was shown before stays if they cannot be read.
+    /// Opens files that were dropped onto a page. If they cannot be read, the current scene stays.
     fn open(&self, request: &mut Request) -> Result<Answer, Answer> {
         if request.content_type.as_deref() != Some("application/octet-stream") {
             return Err(Answer::text(415, "files are application/octet-stream"));
@@ -298,7 +298,7 @@ impl Server {
         Ok(Answer::json(200, &json!({ "ok": true })))
     }
 
-    /// Looks at the point under a pixel, or puts it in focus.
+    /// Turns the camera to the point under a pixel, or focuses on it.
     fn pick(&self, pick: &Pick) -> Result<Answer, Answer> {
         let viewpoint = self.viewpoint()?;
         let pixel = UVec2::new(pick.x, pick.y);
@@ -320,7 +320,7 @@ impl Server {
                     .lens
                     .map(|lens| lens.radius)
                     .or(viewpoint.camera.lens.map(|lens| lens.radius));
-                // A lens that can be seen: a hundredth of the distance.
+                // A lens with visible blur: a hundredth of the distance.
                 let radius = held.filter(|a| *a > 0.0).unwrap_or(0.01 * depth);
                 let focus = Some(depth);
                 json!({ "options": { "lens": LensChoice { radius, focus }.text() } })
@@ -367,7 +367,7 @@ impl Server {
         }
     }
 
-    /// The value of a pixel, and what is there.
+    /// The values of a pixel, and its surface.
     fn pixel(&self, pixel: UVec2) -> Value {
         let (shown, other) = {
             let state = self.hub.lock();
@@ -473,7 +473,7 @@ impl Server {
         with_pictures(&head, images.into_iter().map(|(_, bytes)| bytes))
     }
 
-    /// Waits for something new; also true where enough clients wait: others are answered at once.
+    /// Waits for something new; also true if too many clients wait, so that this one is answered at once.
     fn wait(&self, holds: impl Fn(&State) -> bool) -> (MutexGuard<'_, State>, bool) {
         let crowded = self.waiting.fetch_add(1, Ordering::SeqCst) >= MAX_WAITING;
         let most = if crowded { Duration::ZERO } else { POLL };
@@ -482,7 +482,7 @@ impl Server {
         (state, crowded)
     }
 
-    /// The oldest change of a film after one of this number, once there is one: a frame, or the words alone.
+    /// The oldest change of a film after this one, once there is one: a frame, or the words alone.
     fn film(&self, film: u64, change: u64) -> Answer {
         let (mut state, crowded) = self.wait(|state| {
             let new = |of: &Film| of.number != film || of.is_newer(change);
@@ -544,12 +544,12 @@ fn turned(look: Look, point: Vec3) -> Look {
     }
 }
 
-/// A refusal in the words of the command line.
+/// A refusal with the option names of the command line.
 fn refusal(fault: &Fault) -> Answer {
     Answer::text(400, fault.message(Names::Flags))
 }
 
-/// True for equal bytes, after a time that does not say where they differ.
+/// True for equal bytes; takes the same time wherever bytes of equal length differ.
 fn equal(a: &[u8], b: &[u8]) -> bool {
     let differ = a.iter().zip(b).fold(0, |all, (x, y)| all | (x ^ y));
     a.len() == b.len() && differ == 0

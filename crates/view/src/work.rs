@@ -1,5 +1,4 @@
-//! The thread that renders: opens the scene, shows a few pixels at once and then more, and refines the whole frame until a page
-//! wants something else.
+//! The render thread: opens the scene, shows previews, and refines the whole frame until a page changes its options.
 
 use super::finish::{Job, Slot};
 use super::hub::{Course, Hub, State};
@@ -20,11 +19,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Seconds that a pass of a whole frame may take where one sample takes less: at first, and later. Many samples of a pixel in a
-/// pass take less time than one; a pass is broken off where it is no longer wanted.
+/// Minimum and maximum seconds of a pass of a whole frame, unless one sample takes longer. Samples of a pixel take less
+/// time in one pass than in many; a pass is interrupted once it is obsolete.
 const PASS: [f64; 2] = [0.25, 1.0];
 
-/// Most samples of a pass, and of a render that has no end of its own.
+/// Maximum samples of a pass, and of a render without a number of samples.
 const MAX_PASS: u32 = 16;
 const ENOUGH: u32 = 1 << 16;
 
@@ -32,10 +31,10 @@ const ENOUGH: u32 = 1 << 16;
 const FINISHING: [f64; 2] = [0.25, 0.1];
 const YOUNG: f64 = 10.0;
 
-/// Wait for something that may never come.
+/// Maximum wait for new options after an error.
 const LONG: Duration = Duration::from_secs(3600);
 
-/// Least time between two finished pictures.
+/// Minimum seconds between two finished pictures.
 const OFTEN: f64 = 0.2;
 
 /// The renderer of a viewer.
@@ -43,11 +42,11 @@ pub(super) struct Renderer<'a> {
     pub(super) hub: &'a Hub,
     pub(super) slot: &'a Slot,
     pub(super) young: Young,
-    /// Choices of pilots by scene and method: another look has no pilot of its own.
+    /// Choices of pilots by scene and method, which other cameras share.
     pub(super) choices: HashMap<String, usize>,
 }
 
-/// A render on its way.
+/// A render in progress.
 struct Run<'a> {
     request: Request<'a>,
     integrator: Box<dyn Integrator>,
@@ -57,7 +56,7 @@ struct Run<'a> {
     /// Samples of the next pass.
     length: u32,
     offered: Option<Instant>,
-    /// Samples that were offered last.
+    /// Samples of the film that was offered last.
     shown: u32,
     /// Set when this render ends.
     over: Arc<AtomicBool>,
@@ -110,9 +109,9 @@ impl Renderer<'_> {
         let run = hub.change(|state| {
             state.run += 1;
             state.courses = Default::default();
-            // Frames of other options than these.
+            // Drops frames that other options made.
             (state.film).take_if(|film| film.key != state.options.film_key());
-            // Options that came meanwhile have a camera of their own.
+            // Newer options have a camera of their own.
             if state.options.render_key() == options.render_key() {
                 state.options.look = Some(look);
             }
@@ -138,7 +137,7 @@ impl Renderer<'_> {
         self.refine(request, other, &viewpoint, run)
     }
 
-    /// The open scene, opened again if that is what has changed.
+    /// The open scene, opened again if options of the scene have changed.
     fn open_scene(&mut self, options: &Options) -> Result<Arc<OpenScene>, Fault> {
         let open = self.hub.lock().open_scene.clone();
         if let Some(open_scene) = open.filter(|open| open.key == options.scene_key()) {
@@ -154,7 +153,7 @@ impl Renderer<'_> {
         Ok(open_scene)
     }
 
-    /// Refines a render, and beside it another one for the same time.
+    /// Refines a render, and another one beside it for the same time.
     fn refine(
         &mut self,
         request: Request<'_>,
@@ -182,7 +181,7 @@ impl Renderer<'_> {
                 let state = hub.lock();
                 (state.options.paused, self::showing(&state))
             };
-            // Another choice of a finished film.
+            // Options of the finished picture have changed: the film is finished again.
             if now != showing {
                 showing = now;
                 runs.iter_mut().for_each(|run| run.shown = 0);
@@ -194,7 +193,7 @@ impl Renderer<'_> {
                     .and_then(|s| s.maps.stated)
             };
             let next = (0..runs.len())
-                // What is saved has a sample.
+                // A paused render takes its first sample, so that it can be saved.
                 .filter(|&side| !paused || runs[side].samples == 0)
                 .filter(|&side| !runs[side].done(stated(side, &hub.lock())))
                 .min_by(|&a, &b| runs[a].seconds.total_cmp(&runs[b].seconds));
@@ -217,7 +216,7 @@ impl Renderer<'_> {
             self.offer(&mut runs[side], side, viewpoint, run, false);
         }
         over.store(true, Ordering::Relaxed);
-        // Large films are freed beside the next picture, not before it.
+        // Large films are freed while the next render runs, not before it.
         let films: Vec<Picture> = runs.into_iter().map(|run| run.picture).collect();
         std::thread::spawn(move || drop(films));
         Ok(())
@@ -263,7 +262,7 @@ impl Renderer<'_> {
         }
     }
 
-    /// Shows what is not shown yet, and waits for a change.
+    /// Offers the newest films, and waits for a change.
     fn rest(&self, runs: &mut [Run<'_>], viewpoint: &Arc<Viewpoint>, run: u64, paused: bool) {
         for (side, one) in runs.iter_mut().enumerate() {
             self.offer(one, side, viewpoint, run, true);
@@ -283,7 +282,7 @@ impl Renderer<'_> {
         }));
     }
 
-    /// Hands a film over to be finished, if it is time to.
+    /// Hands a film to the finishing thread, if a picture is due.
     fn offer(
         &self,
         run: &mut Run<'_>,
@@ -302,7 +301,7 @@ impl Renderer<'_> {
             .offered
             .is_none_or(|at| at.elapsed().as_secs_f64() >= every);
         let wanted = !self.hub.disturbed.load(Ordering::Relaxed);
-        // A picture of half the rows is closer than one sample of the whole frame.
+        // The last preview has less error than one sample of the whole frame.
         let old_enough = run.samples > 1 && due;
         if run.shown == run.samples || !(old_enough || last) || !wanted {
             return;
@@ -320,13 +319,13 @@ impl Renderer<'_> {
         });
     }
 
-    /// Hands the render over to those who save it.
+    /// Sends the render to the pages that save it.
     fn save(&self, run: &Run<'_>) {
         let (saves, updated) = {
             let mut state = self.hub.lock();
             (std::mem::take(&mut state.saves), state.options.spec.clone())
         };
-        // The choice is made of the film anew, after the render has begun.
+        // The choice among levels is made again, by the newest options.
         let mut request = run.request.clone();
         request.spec.resolve = updated.resolve;
         for save in saves {
@@ -334,7 +333,7 @@ impl Renderer<'_> {
             let mut outcome = Outcome::of(&request, picture, run.samples, None);
             let command = format!("{} --spp {}", request.command(), run.samples);
             outcome.metadata.insert("command".into(), command);
-            // A page that has left wants nothing.
+            // The page may have left.
             let _ = save.try_send(outcome);
         }
     }
@@ -356,7 +355,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Adds a pass; false if it was broken off.
+    /// Adds a pass; false if it added no sample.
     fn step(&mut self, hub: &Hub) -> bool {
         let stop = Stop::when(&hub.disturbed);
         let most = self.request.spec.spp.unwrap_or(ENOUGH);
@@ -375,7 +374,7 @@ impl<'a> Run<'a> {
         added > 0
     }
 
-    /// True if the render has come to the end that its options set.
+    /// True if the render has reached the samples, the time or the error of its options.
     fn done(&self, stated: Option<f64>) -> bool {
         let spec = &self.request.spec;
         let enough = self.samples >= spec.spp.unwrap_or(ENOUGH);
@@ -387,7 +386,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Options of a finished film: a change of them finishes it anew.
+/// Options of the finished picture: a change of them finishes the film again.
 fn showing(state: &State) -> (Resolve, bool) {
     (
         state.options.spec.resolve(),
@@ -395,7 +394,7 @@ fn showing(state: &State) -> (Resolve, bool) {
     )
 }
 
-/// The request of a spec seen by a look; options that this scene does not know beside others are left out.
+/// The request of a spec with a camera, and a message for each option that was left out because others exclude it.
 pub(super) fn prepared<'a>(
     spec: &Spec,
     look: Look,
@@ -405,7 +404,7 @@ pub(super) fn prepared<'a>(
         camera: None,
         ..spec.clone()
     };
-    // A lens of the file stays with the look of it.
+    // The look includes the lens of the file's camera.
     let frame = spec.frame(subject.scene)?;
     let look = Look {
         aspect: Some(frame.x as f32 / frame.y as f32),
@@ -425,7 +424,7 @@ pub(super) fn prepared<'a>(
     }
 }
 
-/// Text that renders of the same candidates share, whatever their look, size and moment.
+/// Key that renders with the same candidates share, with any camera, size and moment.
 fn choice_key(request: &Request<'_>) -> String {
     let given = request.spec.given().filter(|(option, _)| {
         let heading = matches!(
@@ -441,8 +440,8 @@ fn choice_key(request: &Request<'_>) -> String {
 /// Rays along each side of the picture for the median depth.
 const DEPTHS: u32 = 9;
 
-/// The look of the camera that the options name. It turns around the point at the median depth of what it sees, the floor of the studio
-/// left out, and the middle of the scene where it sees nothing.
+/// The look of the camera that the options name. Its target is at the median depth of the visible surfaces without the
+/// studio's floor, or at the depth of the middle of the scene if there are none.
 pub(super) fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
     let frame = spec.frame(scene)?;
     let bare = Spec {
@@ -467,9 +466,9 @@ pub(super) fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
     Ok(Look::of(&camera, distance.max(least)))
 }
 
-/// Says on the terminal too what went wrong.
+/// Writes a fault to the terminal, too.
 fn tracing_line(fault: &Fault) {
-    // A message that cannot be written ends no work.
+    // A failed write is ignored.
     let _ = writeln!(
         std::io::stderr(),
         "opsr: {}",

@@ -1,5 +1,5 @@
-//! Pictures of fewer pixels than the frame, while a render is young or the camera turns: a few samples, resolved, are closer to the
-//! picture than one sample of the whole frame, which takes as long.
+//! Previews: pictures of fewer pixels than the frame, while a render is young or the camera turns. A few samples,
+//! resolved, have less error than one sample of the whole frame, which takes as long.
 
 use super::finish::Maps;
 use super::hub::{Hub, Snapshot};
@@ -12,33 +12,32 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-/// Seconds that the first picture after a change may take, and those of a whole frame that needs none of fewer pixels before it.
+/// Seconds that the first preview after a change may take, and of a whole frame that needs no preview before it.
 const FIRST: f64 = 0.05;
 const WHOLE: f64 = 0.25;
 
-/// Pixels of a side that become one: at most, and in the last picture before those of the whole frame.
+/// Edge of a preview's pixel in pixels of the frame: at most, and in the last preview.
 pub(super) const COARSEST: u32 = 16;
 pub(super) const HALF: u32 = 2;
 
-/// Samples after which a picture of fewer pixels is shown: the first number of all of them, the others of half the frame's rows.
-/// Resolved, these are closer to the picture than one sample of the whole frame, which takes as long.
+/// Samples after which a preview is shown: the first number for every preview, the others for the last one as well.
 const SHOWN_AT: [u32; 3] = [2, 4, 8];
 
-/// Seconds for a pixel of such a picture before one is known.
+/// Seconds per pixel of a preview before one is measured.
 pub(super) const COST: f64 = 8e-6;
 
-/// Pictures of fewer pixels, and what they cost so far.
+/// Previews, and their measured cost.
 #[derive(Default)]
 pub(super) struct Young {
-    /// Method of the last ones, and seconds that it takes for one of their pixels.
+    /// Estimator of the last previews, and its seconds per pixel.
     pub(super) cost: Option<(Estimator, f64)>,
 }
 
 impl Young {
-    /// Shows pictures of fewer pixels, each of about four times the work of the one before, until whole frames come as fast.
+    /// Shows previews, each of about four times the work of the one before, until whole frames are fast enough.
     ///
-    /// `coarsest` is the number of pixels of a side that become one at first; without it the first picture takes about [`FIRST`],
-    /// and is never broken off. False if the options have changed.
+    /// `coarsest` is the edge of a pixel of the first preview; without it the first preview takes about [`FIRST`] and
+    /// is never interrupted. False if the options have changed.
     pub(super) fn show(
         &mut self,
         hub: &Hub,
@@ -72,7 +71,7 @@ impl Young {
             let mut integrator = settings.integrator();
             let mut samples = 0;
             let ends = match coarsest {
-                // The picture of another method with more samples is there already.
+                // The preview of another method, with more samples, is shown already.
                 Some(_) => &SHOWN_AT[1..],
                 None if scale == HALF => &SHOWN_AT,
                 None => &SHOWN_AT[..1],
@@ -86,7 +85,7 @@ impl Young {
                 if samples == 0 {
                     let passes = f64::from(end / SHOWN_AT[0]);
                     let took = pass.elapsed().as_secs_f64() / (passes * view.window.len() as f64);
-                    // Slowly down: a corner of the scene may be empty.
+                    // Decreases slowly, since a part of the scene may be empty and fast.
                     cost = took.max(0.8 * cost);
                     self.cost = Some((settings.estimator, cost));
                 }
@@ -105,8 +104,8 @@ impl Young {
     }
 }
 
-/// Settings of pictures of fewer pixels: those of the render, and of the path tracer in place of estimators that learn or seek
-/// before their first sample, or need many.
+/// Settings of previews: those of the render, or of the path tracer in place of estimators that learn or search before
+/// their first sample, or need many samples.
 pub(super) fn settings(request: &Request<'_>, path: &Settings) -> Settings {
     use Estimator::{Bdpt, Path, Vcm, VcmNee};
     match request.settings.estimator {
@@ -121,7 +120,6 @@ pub(super) fn settings(request: &Request<'_>, path: &Settings) -> Settings {
     }
 }
 
-/// A picture of few pixels.
 fn preview(
     viewpoint: &Arc<Viewpoint>,
     run: u64,

@@ -14,7 +14,7 @@ fn film(seconds: f64, frame: UVec2) -> Film {
     Film::new(1, String::new(), pace(seconds), frame, false)
 }
 
-/// Frames are those before the loop begins anew, and of a size with which all can be kept.
+/// Frames cover one loop, and their size lets all of them fit into memory.
 #[test]
 fn frames_of_long_films_are_smaller() {
     assert_eq!(
@@ -34,7 +34,7 @@ fn frames_of_long_films_are_smaller() {
     }
 }
 
-/// The clock comes to a missing frame first, over the end of the loop too; a page is given every change once, the oldest first.
+/// Missing frames are found in the order of the clock, past the end of the loop too. Changes come once, oldest first.
 #[test]
 fn missing_frames_come_in_the_order_of_the_clock() {
     let mut film = film(0.25, UVec2::ONE);

@@ -4,8 +4,8 @@ use opsr::integrator::Amounts;
 use opsr::integrator::{Recorded, View};
 use opsr::math::UVec2;
 
-/// The sun on a pool, of which the path tracer finds a quarter: the witness speaks of this render and of no other, and
-/// what is missing is part of the error and has a map.
+/// The path tracer finds a quarter of the sun's light on a pool. The witness reports this for this render alone, and
+/// the missing light is part of the error and has a map.
 #[test]
 fn missing_light_is_shown() {
     missing_light_is_shown_at(Amounts::Raw);
@@ -62,7 +62,7 @@ fn missing_light_is_shown_at(amounts: Amounts) {
     let map = with.missing.expect("a map");
     let lacking = map.iter().filter(|&&share| share > 0.1).count();
     assert!(lacking > 100 && map.iter().all(|&share| (0.0..=1.0).contains(&share)));
-    // A render that has ended is not looked at.
+    // The witness skips a render that has ended.
     job.over.store(true, Ordering::Relaxed);
     assert!(!witness.look(&job));
 }

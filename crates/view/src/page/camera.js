@@ -23,7 +23,7 @@ function moved() {
   sendLook();
 }
 
-// Turns the camera about a point: to the left and right about the vertical axis, up and down not over the poles.
+// Turns the camera about a point: left and right about the vertical axis, up and down as far as the poles.
 function orbit(dx, dy, about = look?.target) {
   if (!look) return;
   const axis = [0, 1, 0];
@@ -36,13 +36,13 @@ function orbit(dx, dy, about = look?.target) {
   const whole = (v) => (tilts ? tilt(spin(v)) : spin(v));
   const moves = (p) => add(about, whole(add(p, about, -1)));
   const [position, target] = [moves(look.position), moves(look.target)];
-  // Up stays across the view, for a camera without roll above the horizon.
+  // Up is made perpendicular to the view, so that a camera without roll keeps its horizon.
   const along = unit(add(position, target, -1)), up = whole(unit(look.up));
   look = { ...look, position, target, up: unit(add(up, along, -dot(up, along))) };
   moved();
 }
 
-// The point about which a drag turns: what is under the pointer, or else the middle of the scene in front of the camera.
+// The point about which a drag turns: the surface under the pointer, else the middle of the scene if it is in front.
 async function grasped(pixel) {
   if (!look) return null;
   const surface = pixel && (await asked("pixel", pixel))?.surface;
@@ -52,13 +52,13 @@ async function grasped(pixel) {
   return ahead ? middle : look.target;
 }
 
-// Half the angles of the picture as tangents, across and up.
+// Tangents of half the horizontal and vertical field of view.
 function tangents() {
   const tan = Math.tan(((look.fov ?? 40) * Math.PI) / 360);
   return [tan * (head.frame[0] / head.frame[1]), tan];
 }
 
-// Looks from the same side at the middle of a box, which fills the picture.
+// Turns the camera to the middle of a box, from the same side, and lets the box fill the picture.
 function frameBox(bounds) {
   if (!look || !head) return;
   const [low, high] = bounds, middle = add(low, high).map((x) => x / 2);
@@ -78,7 +78,7 @@ async function frameObject() {
   toast(object.name || "Framed");
 }
 
-// Looks at the same point along an axis, from its positive end or the other.
+// Looks at the same point along an axis, from its positive or its negative end.
 function viewAlong(axis, sign) {
   if (!look) return;
   const back = [0, 0, 0];
@@ -110,7 +110,7 @@ function svg(name, of, text) {
   return node;
 }
 
-// The cross in the corner: axes as the camera sees them, those that point away first.
+// Draws the cross of axes in the corner, those that point away from the camera first.
 function axes() {
   if (!look) return;
   const back = unit(add(look.position, look.target, -1)), right = unit(cross(look.up, back)), up = cross(back, right);

@@ -1,4 +1,4 @@
-// The average error over time, and when it will be another.
+// The average error over time, and a forecast of it.
 "use strict";
 
 // Error ~ a t^b by least squares over the later half of the points, with b between -1 and 0.

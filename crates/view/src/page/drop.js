@@ -1,7 +1,7 @@
-// Files that are dropped onto the page, or chosen: the scene among them is opened.
+// Opens the scene among files that are dropped onto the page or chosen.
 "use strict";
 
-// Files of a drop with their names, those of folders too.
+// Files of a drop with their names, including files in folders.
 async function dropped(items) {
   const found = [];
   const walk = async (entry) => {
@@ -17,7 +17,7 @@ async function dropped(items) {
       for (const each of entries) await walk(each);
     }
   };
-  // Items are there no longer after the first wait.
+  // The browser clears the items at the first await.
   const all = [...items].map((item) => [item.webkitGetAsEntry?.(), item.getAsFile()]);
   for (const [entry, file] of all) {
     if (entry) await walk(entry);

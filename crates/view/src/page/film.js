@@ -1,8 +1,8 @@
-// The time line: moments of the animations, and the frames that are kept while they run.
+// The time line: moments of the animations, and the frames that this page keeps while they run.
 "use strict";
 
 let playing = null;    // when the play began, and its frame then
-let reel = null;       // number of the film, of its last change, and its frames
+let reel = null;       // numbers of the film and of its last change, and the frames
 let onStage = null;    // the frame that is shown while the animations run
 
 const sendFrame = (frame) => sendOption(["at", `${Math.round(frame)}@${facts.rate}`]);
@@ -10,7 +10,7 @@ const sendFrame = (frame) => sendOption(["at", `${Math.round(frame)}@${facts.rat
 // The frame that the clock shows.
 const ticked = (now) => Math.floor(playing.from + ((now - playing.since) / 1000) * facts.rate) % facts.frames;
 
-// Runs from a frame on, or stops at the one that is shown, for all pages.
+// Starts the animations at a frame, or stops them at the shown one, for all pages.
 function play(on) {
   if (!facts?.seconds || on === Boolean(playing)) return Promise.resolve();
   if (on) {
@@ -43,7 +43,7 @@ function pressed() {
   $("play").textContent = playing ? "Stop" : "Play";
 }
 
-// Shows the frame of the clock, or the last one before it that is there.
+// Shows the frame of the clock, or the last stored one before it.
 function tick(now) {
   if (!playing) return;
   requestAnimationFrame(tick);
@@ -67,7 +67,7 @@ function show(still) {
   place();
 }
 
-// Takes every frame that is new or better, the oldest first.
+// Fetches every new or better frame, the oldest change first.
 async function fetchFrames(own) {
   while (playing === own) {
     try {
@@ -95,7 +95,7 @@ function progress() {
   return kept < facts.frames ? `${kept} of ${facts.frames} frames` : "";
 }
 
-// Shows a moment such as 0.5s or 12@24, or rest; follows pages that play or stop.
+// Shows a moment such as 0.5s or 12@24, or rest; starts and stops with other pages.
 function timeLine(at) {
   $("time").hidden = !facts?.seconds;
   if (!facts?.seconds) {

@@ -1,21 +1,21 @@
-// The page of `opsr view`: shows the newest frame that the server has, and sends what is wished.
+// The page of `opsr view`: shows the newest frame of the server, and sends changes of options.
 "use strict";
 
 const $ = (id) => document.getElementById(id);
 const stage = $("stage"), sheet = $("sheet"), canvases = [$("picture"), $("other")];
 
-let state = null;      // words of the server
-let head = null;       // of the last frame
+let state = null;      // state of the server
+let head = null;       // description of the last frame
 let facts = null;
-let look = null;       // camera as this page has it
-let touched = -1e9;    // when this page moved it last
+let look = null;       // camera of this page
+let touched = -1e9;    // time at which this page last moved the camera
 let lensShown = "";    // lens that the fields show
 let zoom = 1, pan = [0, 0];
 let split = 0.5;
 let picking = false;
 let marked = null;     // pixel whose paths are shown
 
-// ── talk ──
+// ── messages ──
 
 function toast(text, time = 2600) {
   const line = $("toast");
@@ -43,7 +43,7 @@ async function post(path, message) {
 const set = (message) => post("set", message);
 const option = (name, value) => set({ options: { [name]: value === "" ? null : value } });
 
-// A message at a time; of those that wait only the newest is sent.
+// Sends one message at a time; of the waiting messages only the newest.
 function latest(send) {
   let waiting = null, busy = false;
   return async function offer(value) {
@@ -62,7 +62,7 @@ function latest(send) {
 const sendLook = latest(() => set({ look: look }));
 const sendOption = latest(([name, value]) => option(name, value));
 
-// A page that is not seen leaves its connection to others: browsers open six to a server.
+// A hidden page frees its connection for other pages: browsers open six to a server.
 let asking = new AbortController();
 document.addEventListener("visibilitychange", () => document.hidden && asking.abort());
 
@@ -79,11 +79,11 @@ async function poll() {
       const [news, bytes, at] = unpacked(await answer.arrayBuffer());
       [frame, words] = [news.frame, news.words];
       state = news.state;
-      // Frames are shown in its place.
+      // Frames of the animations replace the picture.
       if (news.picture && !(playing && head)) draw(news.picture, news.images, bytes, at);
       if (!facts || facts.scene !== state.scene) await learn();
       adopt();
-      // Many pages are open.
+      // Too many pages wait, so that the server answers this one at once.
       if (news.crowded) await new Promise((done) => setTimeout(done, 200));
     } catch (error) {
       if (error.name === "AbortError") continue;
@@ -95,7 +95,7 @@ async function poll() {
   }
 }
 
-// Words and pixels of an answer, and where the pixels begin.
+// JSON and bytes of an answer, and the offset of its pixels.
 function unpacked(bytes) {
   const length = new DataView(bytes).getUint32(0, true);
   return [JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length))), bytes, 4 + length];
@@ -218,7 +218,7 @@ stage.addEventListener("pointerdown", (event) => {
   });
 });
 
-// Turns by what was dragged since the point to turn about is known.
+// Turns the camera by the whole drag so far, once the point to turn about is known.
 function drag(own, dx, dy) {
   own.turned = add(own.turned, [dx, dy]);
   if (!own.about || !own.turned.some((x) => x !== 0)) return;
@@ -307,7 +307,7 @@ $("divider").addEventListener("keydown", (event) => {
   place();
 });
 
-// ── words ──
+// ── text ──
 
 function short(x) {
   if (x === null || x === undefined) return "–";
@@ -335,7 +335,7 @@ function fault(text) {
 
 const scales = { exp2: [(x) => 2 ** x, Math.log2] };
 
-// Shows in the controls what the server has.
+// Shows the state of the server in the controls.
 function adopt() {
   const phase = $("phase");
   phase.textContent = state.phase;
@@ -369,12 +369,12 @@ function adopt() {
       showRange(input);
     } else {
       const values = [...(input.options ?? [])].map((choice) => choice.value);
-      // A table without an integrator is for path tracing; else what is not given is chosen, and has an empty value.
+      // A table without an integrator implies path tracing; any other option that is not given has an empty value.
       const usual = input.dataset.option === "integrator" && options.table !== undefined ? "path" : "";
       input.value = value ?? (values.length === 0 || values.includes(usual) ? usual : values[0]);
     }
   }
-  // Only when it changes: a distance may be typed before its radius.
+  // Only when the lens changes: a distance may be typed before its radius.
   if (lensShown !== (options.lens ?? "")) {
     lensShown = options.lens ?? "";
     const [radius, distance] = lensShown.split(",");
@@ -412,7 +412,7 @@ function adopt() {
   curve();
 }
 
-// A choice that is there, so that it can be shown.
+// Adds a value to the choices of an element, so that it can be shown.
 function known(select, value) {
   if (value === undefined || value === null || [...select.options].some((o) => o.value === String(value))) return;
   select.append(new Option(String(value), String(value)));
@@ -498,7 +498,7 @@ $("gamma").oninput = (event) => {
   event.target.nextElementSibling.value = event.target.value;
   sendOption(["table", Number(event.target.value)]);
 };
-// A distance needs a radius; a radius of 0 has none.
+// A distance needs a radius; a radius of 0 has no distance.
 const lens = () => {
   const radius = $("aperture").value, distance = $("focus").value;
   if (radius === "" && distance !== "") toast("A lens needs a radius.");
@@ -553,7 +553,7 @@ $("copy-command").onclick = () => {
   const { command, samples } = onStage ?? { command: state?.command, samples: state?.course.samples };
   if (command) copy(`${command} --spp ${Math.max(1, samples)} -o out.exr`, "the command");
 };
-// A file is that of a frame at rest.
+// Files show a frame at rest: saving stops the animations first.
 for (const link of document.querySelectorAll("#save-png, #save-exr, #save-look")) {
   link.addEventListener("click", (event) => {
     if (!playing) return;
@@ -626,5 +626,5 @@ $("help-button").onclick = () => $("help").showModal();
 new ResizeObserver(place).observe(stage);
 makeAxes();
 fillKeys();
-// After the scripts that come next.
+// Starts after the scripts that follow this one.
 document.addEventListener("DOMContentLoaded", poll);

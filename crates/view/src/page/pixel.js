@@ -5,14 +5,14 @@
 
 const three = (v) => (v ? v.map(short).join(" ") : "–");
 
-// What the server knows of a pixel; null where it does not answer.
+// The server's answer about a pixel; null without an answer.
 async function asked(what, pixel) {
   const answer = await fetch(`${what}?x=${pixel[0]}&y=${pixel[1]}`).catch(() => null);
   return answer?.ok ? answer.json() : null;
 }
 
 const ask = latest(async (pixel) => {
-  // A frame that runs is not the picture whose values are known.
+  // The values are those of the picture, not of a frame of the animations.
   const value = pixel && !playing && (await asked("pixel", pixel));
   if (!value) return;
   const of = value.surface;
@@ -74,7 +74,7 @@ function drawPath(path) {
   }
   if (points.length) {
     for (const kind of ["under", "over"]) made.push(svg("polyline", { points: points.join(" "), class: kind, "vector-effect": "non-scaling-stroke" }));
-    // A dot is a line without length: it stays round.
+    // A dot is a line of length 0: its round cap is not stretched with the picture.
     for (const kind of ["under", "over"]) {
       for (const p of points) made.push(svg("polyline", { points: `${p} ${p}`, class: `${kind} dot`, "vector-effect": "non-scaling-stroke" }));
     }

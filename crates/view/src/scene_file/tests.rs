@@ -11,7 +11,7 @@ fn message(files: &[(&str, &[u8])]) -> Vec<u8> {
     all
 }
 
-/// Dropped files lie in a folder of their own, which is gone with their scene, or with all of them.
+/// Dropped files are in a folder of their own, which is deleted with their scene or with all dropped files.
 #[test]
 fn dropped_files_are_kept_as_long_as_their_scene() {
     let dropped = Dropped::default();
@@ -41,7 +41,7 @@ fn dropped_files_are_kept_as_long_as_their_scene() {
     assert!(!scene.path.exists());
 }
 
-/// Names that lead out of the folder, messages that lie about their length, and files without a scene are refused.
+/// Names that leave the folder, messages of a wrong length, and files without a scene are refused.
 #[test]
 fn dropped_files_stay_in_their_folder() {
     let dropped = Dropped::default();

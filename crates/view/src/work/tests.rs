@@ -8,7 +8,7 @@ use std::path::Path;
 
 const FRAME: UVec2 = UVec2::new(40, 30);
 
-/// Calls back with a renderer and a request of these options that has not begun.
+/// Calls `then` with a renderer and a request of these options that has not begun.
 fn with(
     choices: &[(&str, Value)],
     then: impl FnOnce(&mut Renderer<'_>, Request<'_>, &Arc<Viewpoint>),
@@ -43,8 +43,8 @@ fn with(
     then(&mut renderer, request, &Arc::new(viewpoint));
 }
 
-/// Pictures of fewer pixels are resolved, by the method of the render where it has none before its first sample; the last has
-/// half of the frame's rows.
+/// Previews are resolved, by the method of the render if that needs no work before its first sample; the last preview
+/// has half of the frame's rows.
 #[test]
 fn young_pictures_are_resolved() {
     let cases = [
@@ -77,7 +77,7 @@ fn young_pictures_are_resolved() {
     }
 }
 
-/// A frame that is fast has one picture of fewer pixels, or none after the choice of a method; a slow one begins with few.
+/// A fast frame has one preview, or none after the choice of a method; a slow frame begins with few pixels.
 #[test]
 fn pictures_of_fewer_pixels_are_few_where_frames_are_fast() {
     with(
