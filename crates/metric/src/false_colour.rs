@@ -24,7 +24,7 @@ pub(crate) fn false_colour(t: f32) -> Rgb {
     rgb.clamp(DVec3::ZERO, DVec3::ONE).as_vec3()
 }
 
-/// A map of values in [0, 1] as a picture.
+/// False colours of `width` · `height` values in [0, 1], row by row.
 pub fn map(width: usize, height: usize, values: &[f32]) -> Buffer {
     Buffer {
         width,

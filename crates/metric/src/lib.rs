@@ -7,8 +7,7 @@
 //! | [`flip`] | FLIP and HDR-FLIP: the difference a viewer sees |
 //! | [`false_colour`] | colours of error maps |
 //!
-//! A pixel is never skipped in silence: one that is not finite is an error of the comparison, and so are pictures
-//! of different sizes.
+//! No pixel is skipped: a pixel that is not finite is an error, and so are pictures of different sizes.
 
 pub mod false_colour;
 pub mod flip;
@@ -34,7 +33,7 @@ pub struct Metric {
     pub name: &'static str,
     /// The formula, with I the picture and f the reference.
     pub formula: &'static str,
-    /// Constants of the formula by their letter.
+    /// Constants of the formula by their symbol or name.
     pub constants: BTreeMap<&'static str, f64>,
     /// The number.
     pub value: f64,
@@ -80,13 +79,13 @@ pub enum MetricError {
         x: usize,
         /// Its row.
         y: usize,
-        /// All such pixels.
+        /// Number of such pixels.
         count: usize,
     },
     /// Exposures cannot be taken from a reference without light.
     #[error("the reference is black: HDR-FLIP has no exposure to show it at")]
     BlackReference,
-    /// Resolution of sight out of range.
+    /// Pixels per degree of sight outside of 1 to 1000.
     #[error("{0} pixels per degree is not within 1 to 1000")]
     PixelsPerDegree(f64),
     /// Bias and variance need several renders.

@@ -1,4 +1,4 @@
-//! Errors that look at one pixel at a time, averaged over pixels and channels in double precision.
+//! Errors of single pixels, averaged over pixels and channels in double precision.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -58,7 +58,7 @@ pub fn relmse(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> 
     ))
 }
 
-/// [`relmse`] without the worst 0.1 % of the pixels (rounded up), so that one firefly does not decide.
+/// [`relmse`] without the worst 0.1 % of the pixels (rounded up), so that a firefly does not dominate.
 pub fn relmse_trimmed(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
     let mut all = errors(test, reference, relative_squared)?;
     all.sort_unstable_by(f64::total_cmp);
@@ -87,9 +87,9 @@ pub fn mape(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
     ))
 }
 
-/// Mean absolute relative error, in [0, 1], what a render [states](opsr::resolve::Statement::mean) of itself: the mean over pixels of
-/// Σ|I − f| / (Σf + 3ε), at most 1 each. Sums are over red, green and blue, ε is a thirtieth of the mean radiance of the reference,
-/// so that the number does not depend on the exposure.
+/// Mean relative error, in [0, 1], which renders [estimate](opsr::resolve::Statement::mean): the mean over pixels of
+/// Σ|I − f| / (Σf + 3ε), at most 1 each. Sums are over the channels; ε is a thirtieth of the mean radiance of the
+/// reference, so that the number does not depend on the exposure.
 pub fn mean_relative_error(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
     let errors = relative_error_map(test, reference)?;
     Ok(Metric::new(
@@ -108,7 +108,7 @@ pub fn relative_error_map(test: &Buffer, reference: &Buffer) -> Result<Vec<f64>,
     Ok(relative_errors(light(reference), errors).collect())
 }
 
-/// Light of the pixels, the channels added up.
+/// Sum of the channels of every pixel.
 fn light(picture: &Buffer) -> impl Iterator<Item = f64> + Clone {
     picture.pixels.iter().map(|f| f.as_dvec3().element_sum())
 }
@@ -125,8 +125,8 @@ pub fn smape(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
     ))
 }
 
-/// Light of the picture over light of the reference; infinite for a lit picture of a black reference, 1 for two
-/// black pictures.
+/// Mean of the picture over mean of the reference; infinite for a lit picture of a black reference, 1 for two black
+/// pictures.
 pub fn energy_ratio(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
     let picture = mean(&errors(test, reference, |i, _| i)?);
     let wanted = mean(&errors(test, reference, |_, f| f)?);

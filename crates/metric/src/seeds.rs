@@ -6,7 +6,7 @@ use super::{Metric, MetricError, check};
 use opsr::image::Buffer;
 use opsr::image::relative::EPSILON;
 
-/// The mean squared error of one render, split. Absolute and relative to the reference.
+/// The mean squared error of one render as bias² and variance, absolute and relative to the reference.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct BiasVariance {
     /// Number of renders.

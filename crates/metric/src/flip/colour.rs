@@ -52,7 +52,7 @@ pub(super) fn opponent_to_rgb(c: DVec3) -> DVec3 {
     MATRICES.to_rgb * DVec3::new(y + c.y / 500.0, y, y - c.z / 200.0)
 }
 
-/// Linear sRGB to CIELAB, with the Hunt effect: less colour where it is dark. [FLIP20 §4.1.3]
+/// Linear sRGB to CIELAB, with the Hunt effect: dark colours have less chroma. [FLIP20 §4.1.3]
 pub(super) fn hunt_lab(rgb: DVec3) -> DVec3 {
     const DELTA: f64 = 6.0 / 29.0;
     let f = |t: f64| {
@@ -69,7 +69,7 @@ pub(super) fn hunt_lab(rgb: DVec3) -> DVec3 {
     DVec3::new(lightness, hunt * 500.0 * (x - y), hunt * 200.0 * (y - z))
 }
 
-/// CIELAB to linear sRGB; outside [0, 1] where the display has no such colour.
+/// CIELAB to linear sRGB; outside [0, 1] for colours outside the gamut.
 pub(crate) fn lab_to_rgb(lab: DVec3) -> DVec3 {
     const DELTA: f64 = 6.0 / 29.0;
     let inverse = |f: f64| {

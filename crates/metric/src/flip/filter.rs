@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-/// One number per pixel.
+/// A scalar image, row by row.
 #[derive(Clone)]
 pub(super) struct Plane {
     pub(super) width: usize,

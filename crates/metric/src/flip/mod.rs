@@ -1,9 +1,9 @@
 //! FLIP: the difference a viewer sees when flipping between two pictures.
 //!
-//! LDR as in `[FLIP20]`: both pictures pass the blur of the eye and are compared as colours (ΔE_c); edges and points
-//! found in one but not the other (ΔE_f) raise that: ΔE = ΔE_c^(1 − ΔE_f), in [0, 1] per pixel. HDR as in `[FLIP21]`:
-//! the largest LDR error over exposures that take the reference from its brightest pixel to its median just
-//! below white, after the ACES tone curve.
+//! LDR as in `[FLIP20]`: both pictures are blurred as by the eye and compared as colours (ΔE_c). Edges and points of
+//! only one picture (ΔE_f) raise the difference: ΔE = ΔE_c^(1 − ΔE_f), in [0, 1] per pixel. HDR as in `[FLIP21]`: the
+//! largest LDR error over several exposures, after the ACES tone curve. They show luminances of the reference from its
+//! largest to its median just below white.
 
 pub(crate) mod colour;
 mod filter;
@@ -37,7 +37,7 @@ pub struct FlipMap {
 pub struct Exposures {
     /// The exposure that puts the reference's brightest pixel just below white.
     pub start: f64,
-    /// The exposure that puts its median there.
+    /// The exposure that puts the reference's median luminance there.
     pub stop: f64,
     /// Number of exposures, evenly spaced, both ends included.
     pub count: usize,
@@ -108,8 +108,8 @@ impl FlipMap {
 
 // ── HDR: exposures and tone curve ──
 
-/// Exposures between the one where the reference's brightest and the one where its median luminance is shown
-/// as t = 0.85. [FLIP21 §3]
+/// Exposures from the one that shows the reference's largest luminance as t = 0.85 to the one that shows its median so.
+/// [FLIP21 §3]
 pub fn exposures(reference: &Buffer) -> Result<Exposures, MetricError> {
     const T: f64 = 0.85;
     check(reference, reference)?;
@@ -128,7 +128,7 @@ pub fn exposures(reference: &Buffer) -> Result<Exposures, MetricError> {
     if brightest <= 0.0 {
         return Err(MetricError::BlackReference);
     }
-    // The authors' program: the upper of two middle values, and not below single precision's ε.
+    // As in the authors' program: the upper of two middle values, and not below single precision's ε.
     let median = luminance[luminance.len() / 2]
         .max(f64::from(f32::EPSILON))
         .min(brightest);
@@ -142,7 +142,7 @@ pub fn exposures(reference: &Buffer) -> Result<Exposures, MetricError> {
 
 // ── LDR ──
 
-/// Exponent of the colour difference, and the bend that gives large differences less room. [FLIP20 §4.1.5]
+/// Exponent of the colour difference, and the knee above which large differences are compressed. [FLIP20 §4.1.5]
 const COLOUR_EXPONENT: f64 = 0.7;
 const BEND_AT: f64 = 0.4;
 const BEND_TO: f64 = 0.95;
