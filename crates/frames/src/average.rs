@@ -1,7 +1,7 @@
 //! Windows of a pixel, and the choice among them.
 //!
-//! With v_g the light of a surface in frame g, w_g the share of it that is seen there, and t_g the variance that the frame states, by
-//! its squared errors, or of raw means by its error map,
+//! With v_g the radiance of a surface in frame g, w_g its visible share there, and t_g the variance of the frame by its
+//! squared errors, or for raw means by its error map,
 //!
 //! ```text
 //! s_g  = ¾ t_g + ¼ Σ w_h t_h / Σ w_h                    over the frames h of the widest window
@@ -12,12 +12,12 @@
 //! r*   = argmin b_r + c_r + V_r
 //! ```
 //!
-//! and the picture is Σ tent(1[r* = r]) W_r, so that windows of neighbouring pixels have no edge between them. tent is a box of three
-//! pixels a side, applied twice; region a box of half the shorter side, applied twice. A lamp that dims changes every pixel by less
-//! than its noise, and all of them alike.
+//! and the picture is Σ tent(1[r* = r]) W_r, so that windows of neighbouring pixels blend. tent is a box of three pixels
+//! a side, applied twice; region a box of half the shorter side, applied twice. Regions find changes such as that of a
+//! dimming lamp, which changes every pixel by less than its noise.
 //!
-//! A bright sample that one frame has met has a large t there alone: that frame would take a wide window, and its neighbours would take
-//! windows without it, so that its light was lost. The mean over the frames is the same for all of them.
+//! A bright sample has a large t in its own frame only. By t alone that frame would take a wide window and its
+//! neighbours windows without it, so that its light was lost. The mean over the frames is the same for all of them.
 
 use crate::frame::{Averaged, Frame};
 use crate::reproject::{Reprojected, Reprojection};
@@ -38,22 +38,22 @@ const NOISE: f32 = 3.0;
 /// Share of the mean over the frames in the variance of each. Measured there too.
 const COMMON: f32 = 0.25;
 
-/// Largest relative error: that of a frame that knows none.
+/// Largest relative error, also that of a frame without an error map.
 const UNKNOWN: f32 = 2.0;
 
-/// Radius of the regions whose light is compared: this part of the shorter side of the picture.
+/// Shorter side of the picture over the radius of the regions that are compared.
 const REGION: usize = 4;
 
-/// Factor on the squared difference of a region: a difference that many pixels share is seen where noise is not.
+/// Factor on the squared difference of a region: a difference that many pixels share is more visible than noise.
 const REGION_WEIGHT: f32 = 4.0;
 
-/// Pixels of a resolved picture with the noise of one: they share blurs and photons.
+/// Pixels of a resolved picture that together have the noise of one: they share blurs and photons.
 const CORRELATED: f32 = 16.0;
 
-/// Part of the mean of the picture that is added to brightness in squares.
+/// Share of the picture's mean whose square is added to squared brightness.
 const DARK: f32 = 0.1;
 
-/// A plane of numbers, rows one after another.
+/// A scalar image, row by row.
 #[derive(Clone)]
 struct Plane {
     width: usize,
@@ -122,7 +122,7 @@ fn variance(frame: &Frame) -> Vec<f32> {
         values: frame.picture.pixels.iter().map(|p| grey(*p)).collect(),
     };
     let brightness = brightness.box_filtered(1).values;
-    // The error map has more than noise in it, and smooths bright samples.
+    // The error map is the second choice: it contains more than noise, and smooths bright samples.
     let square = |i: usize| match frame.squares.get(i) {
         Some(square) => square.min(UNKNOWN * UNKNOWN),
         None => (frame.error.get(i))
@@ -190,13 +190,13 @@ impl Held {
         }
     }
 
-    /// Leaves what only the average of the frame itself needs.
+    /// Drops the error map and the layers, which only the frame's own average needs.
     pub(crate) fn forget_own(&mut self) {
         (self.frame.error, self.frame.layers) = Default::default();
     }
 }
 
-/// The sums of every window at a pixel of frame `f`, where lamps count that are brighter than `dark`.
+/// The sums of every window at a pixel of frame `f`; `dark` is the light of the faintest lamp that counts.
 fn windows(frames: &[&Held], f: usize, pixel: usize, dark: f32) -> [Sums; WINDOWS.len()] {
     let Held {
         frame, variance, ..
@@ -259,7 +259,7 @@ fn motion(frames: &[&Held], f: usize, forward: bool) -> Vec<Vec2> {
 /// Pairs of a window and a narrower one.
 const PAIRS: [(usize, usize); 6] = [(1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2)];
 
-/// The error map of the average, and its sum over that of the frame alone. The variance of every pixel has this ratio.
+/// The error map of the average, and its sum over that of the frame alone. `ratio` is the ratio of a pixel's variances.
 fn reduced_error(own: &Held, ratio: impl Fn(usize) -> f32) -> (Vec<f32>, f64) {
     let reduced = |(i, error): (usize, &f32)| {
         error * error_of_less_noise(f64::from(ratio(i)), own.biased) as f32
@@ -273,10 +273,10 @@ fn reduced_error(own: &Held, ratio: impl Fn(usize) -> f32) -> (Vec<f32>, f64) {
     (error, reduced)
 }
 
-/// Squared bias of a region, weighed: from differences of a window from the frame itself, and their variances.
+/// Squared bias of regions times [`REGION_WEIGHT`], from the differences between a window and the frame itself.
 fn squared_bias(differences: Plane, noise: Plane, radius: usize) -> Plane {
     let width = differences.width;
-    // Two boxes have the noise of 9/4 of one.
+    // Two passes of a box have the noise of one box of 9/4 of its area.
     let independent = 2.25 * ((2 * radius + 1) as f32).powi(2) / CORRELATED;
     let region = |plane: Plane| plane.box_filtered(radius).box_filtered(radius).values;
     let pairs = region(differences).into_iter().zip(region(noise));

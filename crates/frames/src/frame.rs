@@ -1,4 +1,4 @@
-//! A frame as it was rendered, and as it is averaged.
+//! A frame as rendered, and as averaged.
 
 use crate::surfaces::Surfaces;
 use opsr::image::Buffer;
@@ -20,21 +20,21 @@ pub struct Frame {
     pub camera: Camera,
     /// Linear radiance.
     pub picture: Buffer,
-    /// Expected relative error of every pixel, as files hold it; empty where it is not known.
+    /// Expected relative error of every pixel, as in files; empty where it is not known.
     pub error: Vec<f32>,
-    /// Squared relative error of every pixel to be expected, as relMSE counts it, of a picture that was chosen among levels and blurs:
-    /// some of its error is bias, which no average reduces. Empty for raw means.
+    /// Expected squared relative error of every pixel, as in relMSE, of a picture that was chosen among levels and
+    /// blurs: part of its error is bias, which averages do not reduce. Empty for raw means.
     pub squares: Vec<f32>,
     /// The first surfaces.
     pub surfaces: Surfaces,
     /// Layers that the averaged frame keeps.
     pub layers: Vec<Layer>,
-    /// Text of its file.
+    /// Metadata of its file.
     pub metadata: Metadata,
 }
 
 impl Frame {
-    /// An error unless two frames show parts of the same size: only these are averaged.
+    /// An error unless both frames have the same size and window: only such frames are averaged.
     pub fn check(&self, other: &Self) -> Result<(), String> {
         if (self.size, self.window) == (other.size, other.window) {
             return Ok(());
@@ -62,9 +62,9 @@ pub struct Averaged {
     pub error: Vec<f32>,
     /// Frames to each side that every pixel was averaged over.
     pub window: Vec<u8>,
-    /// Motion of the surface of every pixel, in pixels: to its place in the last frame, and to that in the next; x to the right, y up.
-    /// 0 where it is not known; empty where it was not asked for.
+    /// Motion of every pixel's surface to its place in the previous and in the next frame, in pixels, x right, y up; 0
+    /// where it is not known. Empty where it was not requested.
     pub motion: [Vec<Vec2>; 2],
-    /// Mean error over that of the frame as it was rendered.
+    /// Mean error over that of the frame as rendered.
     pub error_ratio: f64,
 }

@@ -1,19 +1,19 @@
-//! Lamps that mirrors and smooth glass show.
+//! Glints: lamps that mirrors and smooth glass show.
 //!
-//! A reflected lamp moves otherwise than the surface that reflects it, and is many times as bright as what is beside it. Each pixel of a
-//! smooth surface has the light of lamps at the ends of a few of its rays, which follow the likelier one of reflection and refraction.
+//! A reflected lamp does not move with its mirror, and is far brighter than its surroundings. A pixel of a smooth
+//! surface has the mean light of lamps along a few rays, which follow the likelier of reflection and refraction.
 
 use opsr::integrator::View;
 use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::{Scene, Surface};
 
-/// Roughness from which on a surface shows no lamps. Blurs of pictures count it as rough too.
+/// Roughness from which on a surface shows no lamps; blurs of pictures, too, count such a surface as rough.
 const ROUGH: f32 = 0.05;
 
-/// Most smooth surfaces along a ray.
+/// Maximum number of smooth surfaces along a ray.
 const CHAIN: usize = 5;
 
-/// Rays of a pixel, at the points of a lattice: reflections in curved surfaces are thinner than pixels. Measured in docs/lab/films.md.
+/// Rays per pixel, on a lattice: reflections in curved surfaces are thinner than pixels. Measured in docs/lab/films.md.
 const RAYS: u32 = 8;
 
 /// Rows from one point of the lattice to the next: it has one in every column and row.
@@ -24,13 +24,13 @@ fn grey(light: Rgb) -> f32 {
     light.element_sum() / 3.0
 }
 
-/// Light of lamps and of the environment along a ray behind the smooth surface that it meets; `None` where that is rough.
+/// Light of lamps and of the environment along a ray after it hits a smooth `surface`; `None` for a rough surface.
 fn behind(scene: &Scene, mut dir: Vec3, mut surface: Surface) -> Option<f32> {
     let mut light = None;
     for _ in 0..CHAIN {
         let bsdf = scene.bsdf(&mut surface, 0.5);
         let frame = surface.frame_for(-dir);
-        // The middle of the numbers draws the likelier lobe.
+        // The number 0.5 selects the likelier lobe.
         let drawn = bsdf.sample(0.0, frame.to_local(-dir), [0.5; 3]);
         let Some(next) = drawn.filter(|next| next.delta && bsdf.alpha() < ROUGH) else {
             break;
@@ -47,7 +47,7 @@ fn behind(scene: &Scene, mut dir: Vec3, mut surface: Surface) -> Option<f32> {
     light
 }
 
-/// Mean light of the lamps that a pixel shows by smooth surfaces, if the `surface` at its centre is one; otherwise 0.
+/// Mean light of the lamps that a pixel shows by smooth surfaces; 0 if the `surface` at its centre is rough.
 pub(crate) fn glint(view: &View<'_>, pixel: Vec2, surface: &Surface) -> f32 {
     let scene = view.scene;
     let dir = view.sensor.ray(pixel + 0.5).dir;

@@ -1,14 +1,14 @@
 //! Frames of an animation, averaged along the surfaces that they share: films with less noise and flicker.
 //!
-//! Along a surface that two frames see, light changes slowly. The average of a picture and its neighbours divides noise and flicker
-//! and costs no ray. The window, 0, 1, 2 or 4 frames to each side, is chosen for every pixel without a reference, as blurs are in
-//! `opsr::resolve`: a wider one counts as biased where it differs from a narrower one by more than noise.
+//! A surface has nearly the same radiance in neighbouring frames: their average has less noise and flicker, for a few
+//! rays per pixel. The window, 0, 1, 2 or 4 frames to each side, is chosen per pixel without a reference, as blurs are
+//! in `opsr::resolve`: a wider window counts as biased where it differs from a narrower one by more than noise.
 //!
 //! | file | contents |
 //! |---|---|
 //! | [`names`] | numbers of frames, and names of their files |
-//! | [`frame`] | a frame as it was rendered, and as it is averaged |
-//! | [`surfaces`] | the surfaces of a frame, and their places in the next and the last one |
+//! | [`frame`] | a frame as rendered, and as averaged |
+//! | [`surfaces`] | the surfaces of a frame, and their positions in the previous and the next one |
 //! | `glints` | lamps that mirrors and smooth glass show |
 //! | `reproject` | the pixels of another frame that show a surface |
 //! | `average` | windows of a pixel and the choice among them |

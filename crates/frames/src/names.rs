@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Frames per second, where nothing says it.
+/// Default number of frames per second.
 const FPS: f64 = 24.0;
 
-/// Most frames of a film: 19 hours at 24 frames per second.
+/// Maximum number of frames of a film: 12 hours at 24 frames per second.
 const MOST: u32 = 1 << 20;
 
 /// Frames of an animation, both ends included, such as `1..48` or `0..99@30`.
@@ -56,7 +56,7 @@ pub struct FrameNames {
 }
 
 impl FrameNames {
-    /// The names that a path stands for; `None` for a path without `#`, or with two runs of them, or one that is no text.
+    /// The names that a path stands for; `None` without one run of one to nine `#`, or for a path that is not UTF-8.
     pub fn new(path: &Path) -> Option<Self> {
         let name = path.file_name()?.to_str()?;
         let first = name.find('#')?;
@@ -92,7 +92,7 @@ impl FrameNames {
         (self.of(number).file_name()?.to_str()? == name).then_some(number)
     }
 
-    /// Numbers of the frames whose files are there, in their order.
+    /// Numbers of the frames whose files exist, in ascending order.
     pub fn found(&self) -> std::io::Result<Vec<u32>> {
         let folder = match self.folder.as_os_str().is_empty() {
             true => Path::new("."),

@@ -5,7 +5,7 @@ use crate::surfaces::SurfacePoint;
 use opsr::math::{Vec2, Vec3};
 use opsr::scene::Sensor;
 
-/// Distance at which a surface counts as another one, in pixels.
+/// Distance, in pixels, at which a surface counts as another one.
 const REACH: f32 = 3.0;
 
 /// Factor on squared differences of unit normals.
@@ -17,34 +17,34 @@ const BENT: f32 = 0.1;
 /// Difference of reflectances at which a surface counts as another one.
 const PAINT: f32 = 0.05;
 
-/// Factor on squared logarithms of ratios of what surfaces show of lamps. Measured in docs/lab/films.md.
+/// Factor on the squared logarithm of the ratio of two surfaces' glints. Measured in docs/lab/films.md.
 const GLINT: f32 = 3.0;
 
-/// Least sum of weights that counts as seen.
+/// Minimum sum of weights of a visible surface.
 const SEEN: f32 = 0.05;
 
-/// Light of a surface in another frame.
+/// Radiance of a surface in another frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reprojected {
     /// Radiance.
     pub(crate) light: Vec3,
     /// Its variance, mean of the channels.
     pub(crate) variance: f32,
-    /// Share of it that is seen there, in (0, 1].
+    /// Visible share of the surface there, in (0, 1].
     pub(crate) weight: f32,
 }
 
-/// A surface that is followed from its frame to those before, or to those after it.
+/// A surface that is tracked from its own frame through the earlier or the later ones.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reprojection {
     point: SurfacePoint,
     /// Its pixel in its own frame.
     pixel: usize,
-    /// Its place in the frame reached so far; `None` where it is lost.
+    /// World position in the frame reached so far; `None` once the surface is lost.
     place: Option<Vec3>,
 }
 
-/// Side of a pixel at a place, in units of the scene.
+/// Edge of a pixel's footprint at a place, in scene units.
 fn side(frame: &Frame, place: Vec3) -> f32 {
     let sensor = Sensor {
         camera: &frame.camera,
@@ -56,7 +56,7 @@ fn side(frame: &Frame, place: Vec3) -> f32 {
     footprint.map_or(0.0, |footprint| 2.0 * footprint.half)
 }
 
-/// Position of a place in a frame, in pixels from the centre of the first one of its window; it may be beyond it.
+/// Projection of a place into a frame, in pixels from the centre of the window's first pixel; it may be outside.
 fn seen_at(frame: &Frame, place: Vec3) -> Option<Vec2> {
     let size = frame.size.as_vec2();
     let (film, ..) = frame.camera.project(place, size.x / size.y, Vec2::ZERO)?;
@@ -64,7 +64,7 @@ fn seen_at(frame: &Frame, place: Vec3) -> Option<Vec2> {
     Some(film * size - 0.5 - first)
 }
 
-/// The same of a place in the window.
+/// [`seen_at`], if the place is in the window or less than a pixel outside.
 fn project(frame: &Frame, place: Vec3) -> Option<Vec2> {
     let at = seen_at(frame, place)?;
     let outer = Vec2::new(frame.window.w as f32, frame.window.h as f32);
@@ -88,10 +88,10 @@ impl Reprojection {
         }
     }
 
-    /// Goes on from the frame reached so far, which is `steps` from its own, to the next one in its direction.
+    /// Advances from frame `from`, which is `steps` from the surface's own, to the next one in its direction.
     ///
-    /// A surface that does not move stays where it is. One that moves takes the motion of the pixel that shows it, so that it is
-    /// lost where it is hidden.
+    /// The place does not change if nothing moves in the scene. Otherwise the surface takes the motion of the pixel
+    /// that shows it, and is lost where it is hidden.
     pub(crate) fn step(&mut self, from: &Frame, steps: usize, forward: bool) {
         let moved = match forward {
             true => &from.surfaces.after,
@@ -116,7 +116,7 @@ impl Reprojection {
         (near && alike && next.is_finite()).then_some(next)
     }
 
-    /// Way in pixels from the surface's own pixel to its place in the frame reached; y up. 0 where it is lost.
+    /// Motion in pixels from the surface's own pixel to its place in the frame reached; y up. 0 for a lost surface.
     pub(crate) fn motion(&self, frame: &Frame) -> Vec2 {
         let width = frame.picture.width;
         let own = Vec2::new((self.pixel % width) as f32, (self.pixel / width) as f32);
@@ -124,8 +124,8 @@ impl Reprojection {
         at.map_or(Vec2::ZERO, |at| (at - own) * Vec2::new(1.0, -1.0))
     }
 
-    /// Light of the surface in the frame reached; `None` where it is not seen, or shows lamps otherwise. Those that are dimmer than
-    /// `dark`, at least the least positive number, do not count.
+    /// Radiance of the surface in the frame reached; `None` if it is not visible there or shows other lamps. `dark`, a
+    /// positive number, is the light of the faintest lamp that counts.
     pub(crate) fn light(&self, frame: &Frame, variance: &[f32], dark: f32) -> Option<Reprojected> {
         let place = self.place?;
         let at = project(frame, place)?;

@@ -5,18 +5,18 @@ use crate::frame::{Averaged, Frame};
 use opsr::math::Vec3;
 use std::collections::VecDeque;
 
-/// Frames that are averaged with those around them. It holds the frames of the widest window, 40 bytes a pixel each and the layers
-/// that they keep, 36 once they are averaged; 24 more where something moves.
+/// Frames that are averaged with their neighbours. The frames of the widest window are in memory, each with its layers
+/// and 40 bytes per pixel, 36 once it is averaged, and 24 more if something moves.
 #[derive(Default)]
 pub struct Sequence {
     frames: VecDeque<Held>,
-    /// Frames among those held that were averaged already.
+    /// Number of frames in memory that are averaged already.
     done: usize,
     motion: bool,
 }
 
 impl Sequence {
-    /// No frames yet; `motion` adds that of their surfaces.
+    /// An empty sequence; with `motion`, averages have the motion of their surfaces.
     pub fn new(motion: bool) -> Self {
         Self {
             motion,
@@ -24,15 +24,15 @@ impl Sequence {
         }
     }
 
-    /// Places in the next frame, which is about to be added, of the surfaces of the last one.
+    /// Sets the positions of the last frame's surfaces in the next frame, before that is added.
     pub fn set_after(&mut self, places: Option<Vec<Vec3>>) {
         if let Some(last) = self.frames.back_mut() {
             last.frame.surfaces.after = places;
         }
     }
 
-    /// Adds the next frame. Gives the frame whose widest window is complete now, if there is one, with its average; an error for a
-    /// frame that shows another part than the last one.
+    /// Adds the next frame. Returns the frame whose widest window is complete now, if there is one, with its average;
+    /// an error for a frame of another size or window than the last one.
     pub fn push(&mut self, frame: Frame) -> Result<Option<(&Frame, Averaged)>, String> {
         if let Some(last) = self.frames.back() {
             last.frame.check(&frame)?;
@@ -44,8 +44,8 @@ impl Sequence {
         }
     }
 
-    /// The next frame that was not averaged, with its average over the frames that are there; `None` after the last one. For the
-    /// end, when no frame comes after those that are held.
+    /// Averages the next frame over the frames in memory; `None` after the last one. For the end of a film, when no
+    /// more frames come.
     pub fn average_next(&mut self) -> Option<(&Frame, Averaged)> {
         if self.done == self.frames.len() {
             return None;

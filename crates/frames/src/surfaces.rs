@@ -1,4 +1,4 @@
-//! The first surfaces of a frame: at the centre of every pixel, with their places in the next and the last frame.
+//! The first surfaces of a frame: at every pixel's centre, with their positions in the previous and the next frame.
 
 use crate::glints::glint;
 use opsr::image::film::Window;
@@ -16,11 +16,11 @@ pub struct SurfacePoint {
     normal: [i8; 3],
     /// Reflectance, in 255ths.
     albedo: [u8; 3],
-    /// Light of the lamps that it shows: the upper half of a number.
+    /// Light of the lamps that it shows: the upper half of a single-precision number.
     glint: u16,
 }
 
-// Frames of a window hold a point for every pixel.
+// Every frame of a window stores a point for every pixel.
 const _: () = assert!(size_of::<SurfacePoint>() == 20);
 
 impl SurfacePoint {
@@ -41,7 +41,7 @@ impl SurfacePoint {
         }
     }
 
-    /// The same that shows lamps of this light.
+    /// This surface with the light of the lamps that it shows.
     pub(crate) fn with_glint(self, light: f32) -> Self {
         Self {
             glint: (light.to_bits() >> 16) as u16,
@@ -54,7 +54,7 @@ impl SurfacePoint {
         f32::from_bits(u32::from(self.glint) << 16)
     }
 
-    /// Squared logarithm of the ratio of what two surfaces show of lamps; `dark` is added to both.
+    /// Squared logarithm of the ratio of two surfaces' glints, with `dark` added to both.
     pub(crate) fn contrast(&self, other: &Self, dark: f32) -> f32 {
         match self.glint == other.glint {
             true => 0.0,
@@ -64,7 +64,7 @@ impl SurfacePoint {
         }
     }
 
-    /// True where a surface is.
+    /// True if there is a surface.
     pub fn is_some(&self) -> bool {
         self.position.is_finite()
     }
@@ -90,9 +90,9 @@ impl SurfacePoint {
 pub struct Surfaces {
     /// The surfaces.
     pub points: Vec<SurfacePoint>,
-    /// Their places in the last frame, in world space; `None` where nothing moves.
+    /// Positions in the previous frame, in world space; `None` where nothing moves.
     pub before: Option<Vec<Vec3>>,
-    /// Their places in the next frame, in world space; `None` where nothing moves.
+    /// Positions in the next frame, in world space; `None` where nothing moves.
     pub after: Option<Vec<Vec3>>,
 }
 
@@ -107,7 +107,7 @@ fn pixels<T: Send>(window: Window, f: impl Fn(u32, u32) -> T + Sync) -> Vec<T> {
 }
 
 impl Surfaces {
-    /// Traces the centre of every pixel of a view, and what it shows of lamps; gives the hits too, for [`places`].
+    /// Traces the centre of every pixel of a view, and the lamps that it shows. Returns the hits, too, for [`places`].
     pub fn of(view: &View<'_>) -> (Self, Vec<Option<Hit>>) {
         let scene = view.scene;
         let met = pixels(view.window, |x, y| match centre(view, UVec2::new(x, y)) {
@@ -130,8 +130,8 @@ impl Surfaces {
     }
 }
 
-/// Places in another scene of the surfaces that rays met in their own, by triangle and barycentric weights: the scenes are one file at
-/// two moments. Not finite where the triangle is another one there, or no ray met one; `None` where nothing has moved.
+/// Positions in scene `other` of hits in `scene`, one file at two moments, by triangle and barycentric weights. Not
+/// finite without a hit or where the triangle is another one in `other`; `None` if nothing has moved.
 pub fn places(hits: &[Option<Hit>], scene: &Scene, other: &Scene) -> Option<Vec<Vec3>> {
     let (own, there) = (scene.geometry(), other.geometry());
     let alike = own.len() == there.len();

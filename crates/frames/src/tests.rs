@@ -165,7 +165,7 @@ fn moving_shadow_is_not_smeared() {
     let (alone, truth) = (alone.expect("frame").picture, truth.expect("frame").picture);
     let (before, after) = (errors(&alone, &truth).0, errors(&all[4].picture, &truth).0);
     assert!(after < 0.6 * before, "{before} {after}");
-    // Columns that the edge crosses within four frames keep to themselves; those far from it do not.
+    // Columns that the edge crosses within four frames have narrow windows; those far from it do not.
     let narrow = |x: usize| {
         let column = (0..SIZE.y as usize).map(|y| all[4].window[y * SIZE.x as usize + x]);
         column.filter(|r| *r < 4).count() as f32 / SIZE.y as f32
@@ -197,7 +197,7 @@ fn what_other_frames_do_not_see_is_left_alone() {
     for other in frames.iter_mut().filter(|frame| frame.number != 4) {
         other.surfaces.points[hidden] = SurfacePoint::new(Vec3::Z, Vec3::Z, Rgb::splat(0.5));
         other.picture.pixels[hidden] = Rgb::splat(50.0);
-        // Mirrors have no surface that counts.
+        // A pixel without a surface.
         other.surfaces.points[hidden + 10] =
             SurfacePoint::new(Vec3::INFINITY, Vec3::ZERO, Rgb::ZERO);
         other.picture.pixels[hidden + 10] = Rgb::splat(50.0);
@@ -209,7 +209,7 @@ fn what_other_frames_do_not_see_is_left_alone() {
     }
 }
 
-/// A bright sample is in the squares of a frame alone, and is shared among those that see its place.
+/// A bright sample is in the squares of one frame only, and is shared among the frames that show its place.
 #[test]
 fn bright_samples_are_noise() {
     let pixel = 12 * SIZE.x as usize + 24;
@@ -237,7 +237,7 @@ fn bright_samples_are_noise() {
     assert!(kept > 0.3 * own, "{kept} of {own}: {added:?}");
 }
 
-/// Between the pixels of another frame light is mixed, and a surface that is hidden there, or bent or painted otherwise, is not seen.
+/// Radiance is interpolated between pixels of another frame; a hidden, bent or repainted surface is not found there.
 #[test]
 fn surfaces_are_found_between_pixels() {
     let slope = |place: Vec3| 1.0 + 0.5 * place.x;
@@ -393,7 +393,7 @@ fn surfaces_move_with_their_triangles() {
     assert!(ratio < 0.35, "{ratio}");
 }
 
-/// A scene of one object before the camera, and a lamp of mean light 16 in the plane of this height z that shines up or down.
+/// A scene of one object before the camera, and a lamp of mean light 16 in the plane of height `z`, up or down.
 fn lamp_beside(material: Material, object: Mesh, z: f32, up: f32) -> Scene {
     let mut parts = SceneParts::default();
     parts.add(material, [object]);
@@ -410,8 +410,8 @@ fn lamp_beside(material: Material, object: Mesh, z: f32, up: f32) -> Scene {
 /// Two corners of the lamp, across its plane.
 const LAMP: (Vec2, Vec2) = (Vec2::new(-0.83, -0.41), Vec2::new(0.37, 0.52));
 
-/// Glints beside those by an independent computation: `end` is the place where a ray of the camera ends in the plane of the lamp.
-/// Gives the share of pixels that agree, of those that show the object, and how many show the lamp.
+/// Compares glints with an independent computation: `end` is where a camera ray ends in the plane of the lamp. Returns
+/// the share of the object's pixels that agree, and the number of pixels that show the lamp.
 fn glints_agree(scene: &Scene, end: impl Fn(Vec3, Vec3) -> Option<Vec2>) -> (f32, usize) {
     let (mut agree, mut all, mut lit) = (0, 0, 0);
     for shift in [-0.4, 0.3] {
@@ -439,8 +439,8 @@ fn glints_agree(scene: &Scene, end: impl Fn(Vec3, Vec3) -> Option<Vec2>) -> (f32
     (agree as f32 / all as f32, lit)
 }
 
-/// A mirror shows a lamp where a camera behind it, which is mirrored, sees it; a thin pane and a slab where straight rays and those that
-/// Snell's law shifts end, and a ball where its sphere reflects it.
+/// A mirror shows a lamp at the pixels of a mirrored camera, a thin pane along straight rays, a slab along rays that
+/// Snell's law shifts, and a ball where its sphere reflects the lamp.
 #[test]
 fn glints_are_where_mirrors_and_glass_show_lamps() {
     let plane = || shapes::quad(Vec3::new(-9.0, -9.0, 0.0), 18.0 * Vec3::X, 18.0 * Vec3::Y);
