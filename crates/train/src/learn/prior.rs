@@ -4,8 +4,8 @@
 //! P(γ) = κ / LIVE · Σ (ln γ_c − ln γ_s)²      over classes c with events, s the longest suffix of c with events
 //! ```
 //!
-//! The prior is added to the loss. Most factors hardly change the loss, and without the prior they would fit the noise of
-//! a recording. In classes that carry much light, the loss outweighs the prior.
+//! The prior is added to the loss. Most factors hardly change the loss, and without the prior they would fit the noise
+//! of a recording. In classes that carry much light, the loss outweighs the prior.
 
 use crate::record::visits::{LIVE, Visits};
 use opsr::regularise::{GammaIndex, LEN};
