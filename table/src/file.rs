@@ -1,7 +1,7 @@
 //! Table files: `params/*.json`, with a versioned header that records how the table was learned.
 //!
 //! Factors read back bit-identical. A file of another version, with another number of bins or factors, or in another
-//! order of classes is refused: pictures would not show that a table was misread.
+//! order of classes is refused: a misread table could not be noticed in pictures.
 
 use crate::{AttenuationTable, BINS, LEN, Lookup};
 use serde::{Deserialize, Serialize};
@@ -43,7 +43,7 @@ pub struct Provenance {
     pub beta: f64,
     /// Samples per pixel that the table was learned for.
     pub spp: u32,
-    /// Parameterisation of the table: `full`, one parameter for each factor, in all that are learned now.
+    /// Parameterisation of the table; tables that are learned now have `full`, one parameter for each factor.
     pub model: String,
     /// Optimiser and its constants.
     pub optimiser: String,
@@ -90,16 +90,16 @@ struct Document {
 pub struct TableError {
     /// The file.
     pub path: PathBuf,
-    /// Its fault.
+    /// The fault.
     pub problem: TableProblem,
 }
 
 /// Fault of a table file.
 #[derive(Debug)]
 pub enum TableProblem {
-    /// It cannot be read.
+    /// The file cannot be read.
     Read(io::Error),
-    /// It is no table of this version; the text names the field.
+    /// The file is no table of this version; the text names the field.
     Content(String),
 }
 
@@ -141,7 +141,7 @@ fn read(path: &Path) -> Result<Vec<u8>, TableError> {
     }
 }
 
-/// Adds the tables that this crate contains to the error of a file that does not exist.
+/// Adds the names of the built-in tables to the error of a file that does not exist.
 fn with_names(mut error: TableError) -> TableError {
     if let TableProblem::Read(cause) = &mut error.problem
         && cause.kind() == std::io::ErrorKind::NotFound

@@ -1,7 +1,7 @@
 //! Attenuation tables of optimised path space regularisation, for any path tracer.
 //!
-//! At next-event estimation the last surface of a path is roughened a little. How much depends on how rough the path has been
-//! so far, and on a learned table of [`LEN`] *attenuation factors*. A host makes two calls:
+//! At next-event estimation the last surface of a path is roughened a little, by an amount that depends on the roughness
+//! of the path so far and on a learned table of [`LEN`] *attenuation factors*. A renderer makes two calls:
 //!
 //! ```
 //! use opsr_table::{PathRoughness, TableFile};
@@ -16,8 +16,8 @@
 //! # Ok::<(), opsr_table::TableError>(())
 //! ```
 //!
-//! Roughness is Beckmann's, in [0, 1]: 0 is a Dirac lobe, 1 is Lambert. [`mod@file`] reads and writes table files, [`mod@export`] turns
-//! them into source code and arrays for other renderers.
+//! Roughness is Beckmann's, in [0, 1]: 0 is a Dirac lobe, 1 is Lambert. [`mod@file`] reads and writes table files,
+//! [`mod@export`] turns them into source code for other renderers.
 //!
 //! `[OPSR]` is Weier, Droske, Hanika, Weidlich, Vorba: *Optimised Path Space Regularisation*, EGSR 2021.
 
@@ -34,7 +34,7 @@ pub use table::{AttenuationTable, LEN, Lookup};
 
 /// A source of the attenuation factor γ in [0, 1] of a path.
 pub trait Attenuation: Sync {
-    /// γ for a path with this prefix whose last vertex has roughness `last`; the prefix is not empty.
+    /// γ of a path with this prefix, which is not empty, whose last vertex has roughness `last`.
     fn gamma(&self, prefix: &PathRoughness, last: f32) -> f32;
 }
 

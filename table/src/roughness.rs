@@ -111,7 +111,7 @@ impl PathRoughness {
         &self.alpha[..usize::from(self.len)]
     }
 
-    /// True if the next vertex folds the path, which depends on the factors; up to there paths do not.
+    /// True if the next vertex folds the path. A folded value depends on the factors; unfolded paths do not.
     #[inline]
     pub fn is_full(&self) -> bool {
         usize::from(self.len) == MAX_VERTICES - 1

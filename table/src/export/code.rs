@@ -19,7 +19,7 @@ pub(super) fn fill(template: &str, file: &TableFile, suffix: &str) -> String {
         .replace("@EDGE2@", &edge2)
         .replace("@EDGE3@", &edge3)
         .replace("@GAMMAS@", &rows(table.gammas.as_slice(), suffix))
-        // Last: text of the file may look like a placeholder.
+        // Last, since text of the table file may look like a placeholder.
         .replace("@ABOUT@", &about(file))
 }
 
@@ -71,7 +71,7 @@ fn about(file: &TableFile) -> String {
     lines.join("\n") + "\n//"
 }
 
-/// Makes one line of comment of any text: text from a table file must not become code.
+/// Makes one comment line of any text: text from a table file must not become code.
 fn comment(text: &str) -> String {
     let plain = |c: char| match c {
         // A backslash at the end of a line continues the comment on the next one.
@@ -93,7 +93,7 @@ fn rows(numbers: &[f32], suffix: &str) -> String {
         let row: Vec<String> = row.iter().map(|x| format!("{x:?}{suffix}")).collect();
         format!("    {}", row.join(", "))
     });
-    // Without a comma after the last number, which GLSL's array constructor forbids.
+    // No comma after the last number: GLSL's array constructor forbids it.
     rows.collect::<Vec<_>>().join(",\n")
 }
 

@@ -1,7 +1,7 @@
 //! Export of tables as source code for other renderers.
 //!
-//! Source code contains the whole look-up, from the roughness of a path to α′. One header has the choice among levels of
-//! roughening.
+//! The code of a table has the whole look-up, from the roughness of a path to α′. The header of [`Format::Resolve`] has
+//! the choice among levels of roughening.
 
 mod code;
 

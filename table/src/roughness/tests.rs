@@ -40,7 +40,7 @@ fn class_of_a_path_has_the_bins_of_its_vertices() {
     }
 }
 
-/// A folded value contains the surplus as `shrink` reduces it.
+/// A folded value contains the surplus times `shrink`.
 #[test]
 fn folding_applies_shrink() {
     let factor = crate::ConstantGamma(0.5);
