@@ -1,5 +1,5 @@
-//! Numpy arrays in and out, as bytes: so the package needs no interface of numpy's at compile time, and strides, alignment
-//! and writability of an array are numpy's own business.
+//! Numpy arrays in and out, as bytes: the package needs no headers of numpy at compile time, and numpy itself handles
+//! strides, alignment and writability.
 
 use crate::errors::argument;
 use opsr::image::Buffer;
@@ -68,7 +68,7 @@ pub(crate) fn to_picture(name: &str, array: &Bound<'_, PyAny>) -> PyResult<Buffe
     })
 }
 
-/// Shape and numbers of anything that numpy makes an array of float32 of, last axis fastest.
+/// Shape and values of anything that numpy converts to a float32 array, last axis fastest.
 pub(crate) fn to_floats(array: &Bound<'_, PyAny>) -> PyResult<(Vec<usize>, Vec<f32>)> {
     let numpy = array.py().import("numpy")?;
     elements(&numpy.call_method1("asarray", (array, "<f4"))?)

@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::f32::consts::TAU;
 
-/// A dict whose keys are known by name; those that are not are refused.
+/// A dict with a fixed set of keys; other keys are errors.
 pub(crate) struct Given<'a, 'py> {
     dict: &'a Bound<'py, PyDict>,
     /// Place of the dict, such as `meshes[2]`.
@@ -128,7 +128,7 @@ const MATERIAL: &[&str] = &[
     "name",
 ];
 
-/// A medium of a dict.
+/// A medium from a dict.
 fn medium(item: &Bound<'_, PyAny>, place: String) -> PyResult<Medium> {
     let given = Given::new(item, place, &["absorption", "scattering", "g"])?;
     let mean_cosine = given.number("g", 0.0)?;
@@ -142,7 +142,7 @@ fn medium(item: &Bound<'_, PyAny>, place: String) -> PyResult<Medium> {
     })
 }
 
-/// A material of a dict.
+/// A material from a dict.
 pub(crate) fn material(item: &Bound<'_, PyAny>, place: String) -> PyResult<Material> {
     let given = Given::new(item, place, MATERIAL)?;
     let alpha = given.number("alpha", 0.0)?;
@@ -301,7 +301,7 @@ fn mesh(given: &Given<'_, '_>) -> PyResult<Mesh> {
     Ok(mesh)
 }
 
-/// A light without area, of a dict.
+/// A light without area, from a dict.
 pub(crate) fn light(item: &Bound<'_, PyAny>, place: String) -> PyResult<PunctualLight> {
     let keys = [
         "type",
@@ -349,7 +349,7 @@ pub(crate) fn light(item: &Bound<'_, PyAny>, place: String) -> PyResult<Punctual
     })
 }
 
-/// A camera of a dict.
+/// A camera from a dict.
 pub(crate) fn camera(item: &Bound<'_, PyAny>, place: String) -> PyResult<Camera> {
     let keys = [
         "name", "position", "target", "up", "fov", "aperture", "focus", "aspect",
@@ -390,7 +390,7 @@ pub(crate) fn camera(item: &Bound<'_, PyAny>, place: String) -> PyResult<Camera>
     })
 }
 
-/// The items of a list, with their places.
+/// The items of a list, each with its place for messages.
 pub(crate) fn items<'py>(
     list: Option<&Bound<'py, PyAny>>,
     name: &str,

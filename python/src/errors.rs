@@ -5,8 +5,8 @@ use pyo3::PyErr;
 use pyo3::exceptions::{PyFileNotFoundError, PyMemoryError, PyOSError, PyValueError};
 use std::fmt::Display;
 
-/// `FileNotFoundError`, `OSError` for a file that cannot be read or written, `ValueError` for what is in it, `MemoryError`
-/// where it needs more memory than there is.
+/// `FileNotFoundError`; `OSError` for a file that cannot be read or written; `ValueError` for its content;
+/// `MemoryError` for a file that needs more memory than there is.
 pub(crate) fn file(error: FileError) -> PyErr {
     let text = error.to_string();
     match error.problem {
@@ -17,7 +17,7 @@ pub(crate) fn file(error: FileError) -> PyErr {
     }
 }
 
-/// `ValueError` of an argument.
+/// `ValueError` for an argument.
 pub(crate) fn argument(name: &str, problem: impl Display) -> PyErr {
     PyValueError::new_err(format!("{name}: {problem}"))
 }

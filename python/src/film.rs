@@ -192,7 +192,7 @@ impl Film {
 }
 
 impl Film {
-    /// The picture that files and comparisons show.
+    /// The picture in files and comparisons.
     pub(crate) fn shown(&self) -> &Buffer {
         &self.done.shown.picture
     }

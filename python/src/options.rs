@@ -31,7 +31,7 @@ pub(crate) fn of_save(option: &Opt) -> bool {
     option.heading == Heading::Files && !of_render(option)
 }
 
-/// True for the options of `view`: a part of a picture and what is in files alone are not shown.
+/// True for the options of `view`: all but the crop and the options that only files have.
 pub(crate) fn of_view(option: &Opt) -> bool {
     let shown = ["denoise", "exposure", "view"].contains(&option.name);
     let files = option.heading == Heading::Files;
@@ -47,7 +47,7 @@ pub(crate) fn raised(fault: Fault) -> PyErr {
     }
 }
 
-/// Options of a function by their keywords; None is not given.
+/// Options from the keywords of a function; None counts as not given.
 pub(crate) fn read(
     function: &str,
     keywords: Option<&Bound<'_, PyDict>>,
@@ -93,14 +93,14 @@ fn wrong_type(name: &str) -> PyErr {
     PyTypeError::new_err(format!("{name}: expected {expected}"))
 }
 
-/// A Python value of plain data; `None` for others.
+/// JSON of plain Python data; `None` for other values.
 fn json_of(value: &Bound<'_, PyAny>) -> Option<Value> {
     if let Ok(truth) = value.cast::<PyBool>() {
         return Some(truth.is_true().into());
     }
     if value.is_instance_of::<PyInt>() {
         let negative = value.extract::<i64>().map(Value::from);
-        // A larger one is out of every range.
+        // A larger number is out of every range.
         return value
             .extract::<u64>()
             .map(Value::from)
@@ -130,7 +130,7 @@ fn json_of(value: &Bound<'_, PyAny>) -> Option<Value> {
     Some(serde_json::Number::from_f64(number).map_or("NaN".into(), Value::Number))
 }
 
-/// A whole number of an argument, from `least` on.
+/// A whole number of an argument, at least `least`.
 pub(crate) fn count(
     name: &str,
     value: Option<&Bound<'_, PyAny>>,

@@ -18,7 +18,7 @@ use pyo3::types::PyBytes;
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Names of channels, which layers have for good.
+/// Names of channels, which layers store as static strings.
 const CHANNELS: [&str; 10] = ["", "R", "G", "B", "X", "Y", "Z", "A", "mesh", "material"];
 
 /// Name of a layer, and its channels with their values.
@@ -27,8 +27,8 @@ type Channels = (String, Vec<(String, Vec<u8>)>);
 /// Share, pixel, finder and squares of missing light.
 type Lack = (f64, [u32; 2], String, Vec<u8>);
 
-/// Pixels of a denoised picture and of that before, and level, squared bias, variance and noise of every pixel: the denoiser may
-/// not be where a film is read.
+/// Pixels of the denoised and of the noisy picture; level, squared bias, variance and noise of every pixel. They are
+/// pickled because the denoiser may be missing where a film is read.
 type Denoised = (Vec<u8>, Vec<u8>, Option<(Vec<u8>, [Vec<u8>; 3])>);
 
 /// Layers, missing light, camera, options of the film with true for the studio, denoised picture and wall time of a film.
@@ -55,7 +55,7 @@ fn pixels(picture: &Buffer) -> Vec<u8> {
     values.flat_map(f32::to_le_bytes).collect()
 }
 
-/// The denoised picture, if it is one.
+/// The denoised picture; `None` for a picture that is not denoised.
 fn denoised(shown: &Shown) -> Option<Denoised> {
     let choice = |r: &Resolved| {
         let maps = [&r.bias2, &r.variance, &r.noise];
@@ -79,7 +79,7 @@ fn picture(like: &Buffer, bytes: &[u8]) -> PyResult<Buffer> {
     })
 }
 
-/// The shown picture that was denoised before.
+/// The shown picture from its pickle, without denoising it again.
 fn shown_again(film: &Picture, (shown, noisy, choice): Denoised) -> PyResult<Shown> {
     let mean = film.film.mean();
     let shown = picture(&mean, &shown)?;

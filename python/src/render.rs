@@ -76,10 +76,10 @@ pub(crate) fn choose<'py>(
     let name = scene.path.display().to_string();
     let mut request = Request::new(&spec, subject(scene, &name), None).map_err(raised)?;
     let chosen = watched::<(), _>(py, None, None, |link| request.choose(&|| !link.stopped()))?;
-    // One that was stopped has raised already.
+    // A stopped choice has raised its exception already.
     let _ = chosen.map_err(raised)?;
     let chosen = PyDict::new(py);
-    // Those of another method are not given to this one.
+    // Resets the caller's options of methods; those of the chosen method follow.
     for (option, _) in spec.given().filter(|(o, _)| o.heading == Heading::Method) {
         chosen.set_item(option.name, py.None())?;
     }
@@ -151,7 +151,7 @@ pub(crate) fn render(
         let output = request.render(begun, Some(&link.stop), listen);
         film(&request, output, denoiser.as_ref()).map(Some)
     })?;
-    // A pilot that was stopped has raised already, as Ctrl-C does.
+    // A stopped pilot has raised its exception already, as after Ctrl-C.
     made.map_err(raised)
 }
 
@@ -175,7 +175,7 @@ fn range(samples: &Bound<'_, PyAny>) -> PyResult<std::ops::Range<u32>> {
     Ok(start..end)
 }
 
-/// Adds what only the end of a render knows.
+/// Adds the numbers that are known at the end of a render.
 fn stamp(metadata: &mut Metadata, samples: u32, picture: &Picture) {
     metadata.insert("spp".into(), samples.to_string());
     let refused = picture.film.rejected.total();
@@ -226,7 +226,7 @@ pub(crate) fn merge(
     let wanted = wanted.map_err(|e| argument("parts", e))?;
     let mut metadata = first.metadata;
     stamp(&mut metadata, samples, &picture);
-    // The scene is not here, and the witness needs it.
+    // Without a witness, which needs the scene.
     let outcome = Outcome::of_film(
         &Spec::default(),
         picture,

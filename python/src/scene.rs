@@ -221,7 +221,7 @@ impl Scene {
 }
 
 impl Scene {
-    /// A scene of parts that were made here. Its hash is that of its bytes as text.
+    /// A scene of parts that were made here. Its hash is that of their contents.
     fn of(
         py: Python<'_>,
         parts: SceneParts,

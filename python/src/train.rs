@@ -143,7 +143,7 @@ pub(crate) fn record<'py>(
     json(py, serde_json::to_string(&crops))
 }
 
-/// The shortest number, not the nearest double of the single.
+/// The shortest decimal that reads back as this single, as a double.
 fn shortest(beta: f32) -> f64 {
     beta.to_string().parse().unwrap_or(f64::from(beta))
 }

@@ -60,7 +60,7 @@ pub(crate) fn view(
     let mut spec = read("view", options, of_view)?;
     let path = match scene.cast::<Scene>() {
         Ok(scene) => {
-            // The scene was loaded with its own.
+            // The scene has options of its own, with which it was loaded.
             scene.get().spec.fill(&mut spec);
             scene.get().path.clone()
         }
@@ -70,7 +70,7 @@ pub(crate) fn view(
     let address = viewer.address();
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
-    // What goes wrong is said on the page.
+    // Errors are shown on the page.
     std::thread::spawn(move || viewer.run(&flag));
     Ok(View {
         address,

@@ -10,35 +10,35 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
-/// Interval in which signals are looked at.
+/// Interval between two checks for signals.
 const INTERVAL: Duration = Duration::from_millis(50);
 
 /// A callback for events of type `E`: false asks the work to stop.
 pub(crate) type OnEvent<'a, E> =
     Option<&'a mut (dyn FnMut(Python<'_>, E) -> PyResult<bool> + Send)>;
 
-/// The end of the work at which it tells of events and learns that it shall stop.
+/// The work's end of the link to the calling thread: reports events and has the stop flag.
 pub(crate) struct Link<E> {
-    /// Set when the work shall stop.
+    /// Set when the work is to stop.
     pub(crate) stop: Arc<AtomicBool>,
     /// Channels of events to a callback and of its answers.
     callback: Option<(SyncSender<E>, Receiver<()>)>,
-    /// Open as long as the work goes on.
+    /// Dropped with the link: the closed channel ends the loop in [`watched`].
     _open: SyncSender<E>,
 }
 
 impl<E> Link<E> {
-    /// True if the work shall stop.
+    /// True if the work is to stop.
     pub(crate) fn stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Waits for the callback, if there is one; breaks if the work shall stop.
+    /// Reports an event and waits for the callback, if there is one; breaks if the work is to stop.
     pub(crate) fn tell(&self, event: impl FnOnce() -> E) -> ControlFlow<()> {
         if let Some((events, answers)) = &self.callback
             && events.send(event()).is_ok()
         {
-            // Without an answer the other end is gone, which has set `stop`.
+            // An error means that the calling thread does not listen any more.
             let _ = answers.recv();
         }
         match self.stopped() {
@@ -53,9 +53,9 @@ pub(crate) fn goes_on(answer: &Bound<'_, PyAny>) -> bool {
     answer.is_none() || answer.extract::<bool>().unwrap_or(true)
 }
 
-/// Does work in a pool of this many threads, all cores by default, while this thread looks for signals and calls `on_event`.
+/// Does work in a pool of `threads`, all cores by default, while this thread checks signals and calls `on_event`.
 ///
-/// The pool ends with the work: a process that was forked later has all that it needs to work itself.
+/// The pool ends with the work, since a process that is forked later would inherit the pool without its threads.
 pub(crate) fn watched<E: Send, T: Send>(
     py: Python<'_>,
     threads: Option<u16>,
@@ -112,13 +112,13 @@ pub(crate) fn watched<E: Send, T: Send>(
         match (error, result) {
             (Some(error), _) => Err(error),
             (None, Some(result)) => Ok(result),
-            // A panic of the work has left the scope already.
+            // Not reached by a panic of the work, which leaves the scope.
             (None, None) => Err(PyRuntimeError::new_err("the work has no result")),
         }
     })
 }
 
-/// [`watched`] work without events, which goes on to its end.
+/// Does work without events in [`watched`], to its end.
 pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     watched::<(), T>(py, None, None, |_| work())
 }
