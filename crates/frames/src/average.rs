@@ -35,7 +35,7 @@ pub(crate) const WIDEST: usize = WINDOWS[WINDOWS.len() - 1];
 /// Variance of a frame over the square of the error that it states. Measured in docs/lab/films.md.
 const NOISE: f32 = 3.0;
 
-/// Share of the mean over the frames in the variance of each. Measured there too.
+/// Share of the mean over the frames in the variance of each. Measured in docs/lab/films.md, too.
 const COMMON: f32 = 0.25;
 
 /// Largest relative error, also that of a frame without an error map.
@@ -237,7 +237,7 @@ fn windows(frames: &[&Held], f: usize, pixel: usize, dark: f32) -> [Sums; WINDOW
     all
 }
 
-/// Motion to the last frame or to the next one; 0 where there is none.
+/// Motion to the previous or to the next frame; 0 where there is none.
 fn motion(frames: &[&Held], f: usize, forward: bool) -> Vec<Vec2> {
     let frame = &frames[f].frame;
     let other = match forward {

@@ -332,7 +332,7 @@ fn surfaces_move_with_their_triangles() {
     let camera = camera(0.0);
     let of = |k: usize| Surfaces::of(&View::new(&scenes[k], &camera, SIZE, Window::full(SIZE)));
     let (own, hits) = of(4);
-    // A still scene has no places; of another mesh there are none that are finite.
+    // A still scene gives `None`; positions in another mesh are not finite.
     assert_eq!(places(&hits, &scenes[4], &ball(Vec3::ZERO, 3)), None);
     let other = places(&hits, &scenes[4], &ball(step, 2)).expect("another mesh");
     assert!(other.iter().all(|place| !place.is_finite()));
@@ -349,7 +349,7 @@ fn surfaces_move_with_their_triangles() {
         assert!(place.distance(expected) < 1e-5, "{place} {expected}");
     }
     assert!(balls > 100, "{balls}");
-    // Light that sticks to the ball is averaged on the ball, and the wall behind it is not.
+    // A pattern of light that moves with the ball is averaged along the ball.
     let film = |noise: f32| {
         let frames = (0..9).map(|k| {
             let centre = step * (k as f32 - 4.0);
