@@ -79,7 +79,7 @@ pub struct Config {
     pub start: f32,
     /// Constant factors with which the lobes of a recording are sampled, 1 to 16 numbers in (0, 1].
     pub record_gammas: Vec<f32>,
-    /// Recorded events that carry less than this share of their pixel's reference play Russian roulette; 0 keeps all.
+    /// Recorded events that carry less than this share of their pixel's reference undergo Russian roulette; 0 keeps all.
     pub roulette: f32,
     /// Seed of the recording.
     pub seed: u64,
