@@ -141,7 +141,7 @@ pub(super) struct Options {
     pub(super) spec: Spec,
     /// Options that were left out, and why.
     pub(super) left_out: Vec<String>,
-    /// The camera, once there is one.
+    /// The current camera, once the scene is open.
     pub(super) look: Option<Look>,
     /// True for a camera that is not the file's.
     pub(super) moved: bool,
