@@ -1,7 +1,7 @@
 //! Attenuation tables of optimised path space regularisation, for any path tracer.
 //!
-//! At next-event estimation the last surface of a path is roughened a little, by an amount that depends on the roughness
-//! of the path so far and on a learned table of [`LEN`] *attenuation factors*. A renderer makes two calls:
+//! At next-event estimation the last surface of a path is roughened a little. The amount depends on the roughness of the
+//! path so far and on a learned table of [`LEN`] *attenuation factors*. A renderer makes two calls:
 //!
 //! ```
 //! use opsr_table::{PathRoughness, TableFile};

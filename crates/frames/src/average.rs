@@ -1,7 +1,7 @@
 //! Windows of a pixel, and the choice among them.
 //!
-//! With v_g the radiance of a surface in frame g, w_g its visible share there, and t_g the variance of the frame by its
-//! squared errors, or for raw means by its error map,
+//! With v_g the radiance of a surface in frame g, w_g its visible share there, and t_g the variance of the frame (by its
+//! squared errors; for raw means by its error map),
 //!
 //! ```text
 //! s_g  = ¾ t_g + ¼ Σ w_h t_h / Σ w_h                    over the frames h of the widest window

@@ -439,8 +439,8 @@ fn glints_agree(scene: &Scene, end: impl Fn(Vec3, Vec3) -> Option<Vec2>) -> (f32
     (agree as f32 / all as f32, lit)
 }
 
-/// A mirror shows a lamp at the pixels of a mirrored camera, a thin pane along straight rays, a slab along rays that
-/// Snell's law shifts, and a ball where its sphere reflects the lamp.
+/// A mirror shows a lamp at the pixels of a mirrored camera; a ball shows it where its sphere reflects it. A thin pane
+/// shows it along straight rays, a slab along rays that Snell's law shifts.
 #[test]
 fn glints_are_where_mirrors_and_glass_show_lamps() {
     let plane = || shapes::quad(Vec3::new(-9.0, -9.0, 0.0), 18.0 * Vec3::X, 18.0 * Vec3::Y);

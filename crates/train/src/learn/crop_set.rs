@@ -11,8 +11,8 @@ use rayon::prelude::*;
 
 /// Mean |Δ ln γ|, weighted by the light that depends on each factor, up to which the tangents of folded paths are used.
 /// A reach of 0.1 leaves a second-order error of half a per cent of the folded part. Half of it lowers the mean loss
-/// over steps 1500 to 3000 (`opsr train --beta 0.001 --spp 192 --steps 3000 --set validate_every=250`) by 0.3 %, one
-/// and a half times raises it by 0.3 %.
+/// over steps 1500 to 3000 by 0.3 %, one and a half times raises it by 0.3 % (`opsr train --beta 0.001 --spp 192
+/// --steps 3000 --set validate_every=250`).
 const TANGENT_REACH: f64 = 0.1;
 
 /// Crops with their references and the sources of their moments.

@@ -273,7 +273,7 @@ pub(crate) struct PrefetchBuffer {
 }
 
 impl ListAlphas {
-    /// Copies α′ of `codes` into a buffer, in a loop that does nothing else, so that the processor waits for many cache
+    /// Copies α′ of `codes` into a buffer, in a loop that does nothing else. The processor then waits for many cache
     /// misses at a time instead of one after the other.
     pub(crate) fn prefetch(&self, codes: impl Iterator<Item = u32>, buffer: &mut PrefetchBuffer) {
         buffer.entries.clear();

@@ -23,7 +23,7 @@ function moved() {
   sendLook();
 }
 
-// Turns the camera about a point: left and right about the vertical axis, up and down as far as the poles.
+// Turns the camera about a point: left and right about the vertical axis, up and down to the poles at most.
 function orbit(dx, dy, about = look?.target) {
   if (!look) return;
   const axis = [0, 1, 0];
