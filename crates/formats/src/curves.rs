@@ -5,14 +5,14 @@ use opsr::math::{Vec3, Vec4};
 use opsr::scene::Mesh;
 use opsr::scene::load::error::{Result, fault};
 
-/// Least and most pieces of a span of a curve, and the radians that a piece bends.
+/// Least and most segments of a span of a curve, and the angle in radians per segment.
 const PIECES: [f32; 2] = [2.0, 24.0];
 const BEND: f32 = 0.15;
 
-/// Places on a spline of control points, with the way along it from 0 to 1; `basis` is `bezier` or `bspline`, of degree 2 or 3. `None` for a
-/// number of points that makes no spline `[PBRT4 §6.7]`.
+/// Points of a spline, each with its parameter along the curve from 0 to 1. `basis` is `bezier` or `bspline`, of degree
+/// 2 or 3. `None` if the number of control points does not fit `[PBRT4 §6.7]`.
 pub(super) fn spline(points: &[Vec4], basis: &str, degree: usize) -> Option<Vec<(Vec4, f32)>> {
-    // Points from one span to the next.
+    // Control points from one span to the next.
     let step = if basis == "bezier" { degree } else { 1 };
     let further = points.len().checked_sub(degree + 1)?;
     if further % step != 0 {
@@ -51,8 +51,8 @@ pub(super) fn spline(points: &[Vec4], basis: &str, degree: usize) -> Option<Vec<
     Some(out)
 }
 
-/// Tubes around the curves of a file of Mitsuba: lines of a place and a radius, a blank one after each curve. `plugin` is its shape; `hair`
-/// has one `radius` for all, and may be binary. Places are moved by `to_world`, radii are not scaled.
+/// Tubes around the curves of a file of Mitsuba: lines of a position and a radius, a blank line after each curve.
+/// `hair` as `plugin` has one `radius` and may be binary. `to_world` moves positions and does not scale radii.
 pub(super) fn read(
     bytes: &[u8],
     plugin: &str,
@@ -114,7 +114,7 @@ fn lines(bytes: &[u8], radius: f32, place: &str) -> Result<Vec<Vec<Vec4>>> {
     Ok(curves)
 }
 
-/// Hair of Mitsuba 0.6: the number of points, and three numbers of each; an infinite one begins a strand.
+/// Hair of Mitsuba 0.6: the number of points, then three numbers each; an infinite one begins a strand.
 fn binary(bytes: &[u8], radius: f32, place: &str) -> Result<Vec<Vec<Vec4>>> {
     let (words, rest) = bytes.as_chunks::<4>();
     let Some((count, numbers)) = words.split_first() else {

@@ -12,13 +12,13 @@ use opsr::scene::load::textures::Source;
 use opsr::scene::{Texels, Texture, TextureRef, Wrap};
 use std::borrow::Cow;
 
-/// Key of a texture: file, whether it is encoded (`None`: if its values have eight bits), wrap, and sharp edges.
+/// Key of a texture: file, whether it is sRGB encoded (`None`: if it has eight bits), wrap, nearest texel, inversion.
 pub(super) type Key = (String, Option<bool>, [Wrap; 2], bool, bool);
 
-/// A texture, and the factor of its values.
+/// Index of a texture, and the factor of its values.
 pub(super) type Known = (u32, f32);
 
-/// Formats that are read. Those without marks of their own go by their names.
+/// Formats that are read; those without a signature are recognised by the file's ending.
 const FORMATS: [ImageFormat; 5] = [
     ImageFormat::Png,
     ImageFormat::Jpeg,
@@ -27,22 +27,22 @@ const FORMATS: [ImageFormat; 5] = [
     ImageFormat::Hdr,
 ];
 
-/// Use of an image by a scene.
+/// The way in which a scene uses an image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Use {
-    /// True if the values are sRGB encoded; `None` if they are just when they have eight bits.
+    /// True if the values are sRGB encoded; `None` if only 8-bit values are.
     pub(super) srgb: Option<bool>,
     pub(super) wrap: [Wrap; 2],
-    /// True if texels have edges.
+    /// True if texels are constant, without interpolation.
     pub(super) nearest: bool,
-    /// True if one minus the values is meant.
+    /// True if the values are subtracted from 1.
     pub(super) invert: bool,
-    /// From the mesh's coordinates to those of the image, whose origin is the top left.
+    /// From the mesh's coordinates to those of the image, whose origin is the top left corner.
     pub(super) transform: Affine2,
 }
 
 impl Use {
-    /// An image as pbrt has it, with v = 0 at the bottom.
+    /// The use in pbrt, where v = 0 is the bottom of the image.
     pub(super) fn upright(srgb: Option<bool>, wrap: Wrap) -> Self {
         let down = Vec2::new(1.0, -1.0);
         Self {
@@ -56,7 +56,7 @@ impl Use {
 }
 
 impl Context {
-    /// A texture of a file.
+    /// The texture of a file, read once for each use.
     pub(super) fn texture(&mut self, name: &str, how: Use, place: &str) -> Result<Paint> {
         let key = (name.to_owned(), how.srgb, how.wrap, how.nearest, how.invert);
         let known = match self.images.get(&key) {
@@ -107,7 +107,7 @@ impl Context {
         Ok((self.builder.add_texture(texture), factor))
     }
 
-    /// A map of linear values of a file.
+    /// The linear values of an image file, none negative.
     pub(super) fn radiance_map(&mut self, name: &str, place: &str) -> Result<Buffer> {
         let (path, bytes) = self.files.open(name, place)?;
         let lower = name.to_ascii_lowercase();
@@ -142,7 +142,7 @@ impl Context {
     }
 }
 
-/// A texture of linear values, and the factor of its texels, which are at most 1.
+/// A 16-bit texture of linear values, and the factor that undoes the scaling to at most 1.
 fn words(map: &Buffer, place: &str) -> Result<(Texture, f32)> {
     memory::check(place, 6 * map.pixels.len() as u64)?;
     let most = map
@@ -164,7 +164,7 @@ fn words(map: &Buffer, place: &str) -> Result<(Texture, f32)> {
     Ok((texture, most))
 }
 
-/// One minus the linear values.
+/// A texture of one minus the linear values.
 fn inverted(texture: &Texture) -> Texture {
     let map = Buffer::from_fn(texture.width as usize, texture.height as usize, |x, y| {
         let [r, g, b, _] = texture.texel(x as u32, y as u32);
@@ -212,7 +212,7 @@ fn pfm(bytes: &[u8], place: &str) -> Result<Buffer> {
             false => f32::from_be_bytes(four),
         }
     };
-    // Rows from the bottom.
+    // The first row of the file is the bottom one.
     Ok(Buffer::from_fn(w, h, |x, y| {
         let i = channels * ((h - 1 - y) * w + x);
         match channels {

@@ -1,5 +1,5 @@
-//! Scenes of other renderers, Mitsuba 3 (and its predecessor) and pbrt-v4, models in OBJ and PLY, and decoders of compressed glTF. Each
-//! reader names what it finds in the words of [`build`]; what their files share, meshes and images, is read here.
+//! Readers of scenes of Mitsuba 3 (and its predecessor) and pbrt-v4, of models in OBJ and PLY, and decoders of
+//! compressed glTF. The readers translate files into the terms of [`build`]; meshes and images are read in common.
 
 pub mod build;
 mod compressed;
@@ -30,13 +30,13 @@ use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
 
-/// Most bytes of a text or mesh that a compressed file may become.
+/// Most bytes of a decompressed file or stream.
 const MOST_BYTES: u64 = 1 << 32;
 
-/// Most files that a scene may include, and most includes one in another.
+/// Most files that a scene may include.
 const MOST_INCLUDES: usize = 4096;
 
-/// All that the crate reads, for [`LoadOptions::formats`].
+/// All formats of this crate, for [`LoadOptions::formats`].
 pub const FORMATS: Formats = Formats {
     readers: &[
         Reader {
@@ -59,7 +59,7 @@ pub const FORMATS: Formats = Formats {
     codecs: compressed::CODECS,
 };
 
-/// The usual options, with [`FORMATS`].
+/// The default options, with [`FORMATS`].
 pub fn options() -> LoadOptions {
     LoadOptions {
         formats: FORMATS,
@@ -67,7 +67,7 @@ pub fn options() -> LoadOptions {
     }
 }
 
-/// True for a file with this ending, in capitals or not, which may be followed by `.gz`.
+/// True for a file with this ending, whatever its case; `.gz` may follow.
 fn has_ending(path: &Path, ending: &str) -> bool {
     let name = path.file_name().and_then(|name| name.to_str());
     let name = name.unwrap_or_default().to_ascii_lowercase();
@@ -76,7 +76,7 @@ fn has_ending(path: &Path, ending: &str) -> bool {
         .is_some_and(|(_, found)| found == ending)
 }
 
-/// Reads a scene by the text of its file.
+/// Reads a file with the reader of its format.
 fn load(
     path: &Path,
     bytes: &[u8],
@@ -95,14 +95,14 @@ fn load(
         media: media::Media::default(),
         includes: 0,
     };
-    // A scene knows what its boundaries bound.
+    // In scenes every material states its own boundaries; readers of models turn this off.
     context.builder.parts.own_boundaries = true;
     let read = unpacked(bytes, "file").and_then(|text| read(&mut context, text));
     let done = read.and_then(|()| context.finish());
     done.map_err(|fault| fault.of(path))
 }
 
-/// The bytes of a file, unpacked if they are gzip's.
+/// The bytes of a file, decompressed if they are gzip.
 fn unpacked(bytes: &[u8], place: &str) -> Result<Vec<u8>> {
     if !bytes.starts_with(&[0x1f, 0x8b]) {
         return Ok(bytes.to_vec());
@@ -110,7 +110,7 @@ fn unpacked(bytes: &[u8], place: &str) -> Result<Vec<u8>> {
     inflated(flate2::read::MultiGzDecoder::new(bytes), place)
 }
 
-/// All that a stream holds, within bounds.
+/// All bytes of a stream, up to [`MOST_BYTES`].
 fn inflated(stream: impl Read, place: &str) -> Result<Vec<u8>> {
     let mut out = Vec::new();
     let mut stream = stream.take(MOST_BYTES + 1);
@@ -134,10 +134,10 @@ fn inflated(stream: impl Read, place: &str) -> Result<Vec<u8>> {
     }
 }
 
-/// A copy of a shape: numbers of its mesh and its material, and where it stands.
+/// A copy of a shape: the indices of its mesh and its material, and its pose.
 type Member = (u32, u32, DAffine3);
 
-/// Use of a colour.
+/// The use of a colour, which decides how a spectrum becomes RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Meant {
     /// A surface, or an index of refraction.
@@ -146,11 +146,11 @@ enum Meant {
     Emitted,
 }
 
-/// A material that is read once, and what depends on the meshes that have it.
+/// A material that is read once, with the part of it that depends on the mesh.
 #[derive(Clone)]
 struct Look {
     material: Material,
-    /// Heights of a bump map.
+    /// Heights of a bump map: the normal map depends on the mesh's texture coordinates.
     bump: Option<Paint>,
 }
 
@@ -163,17 +163,17 @@ impl From<Material> for Look {
     }
 }
 
-/// State that both readers share.
+/// State that all readers share.
 struct Context {
     files: Files,
     builder: Builder,
-    /// Slope distribution that the user wants in place of the file's.
+    /// Slope distribution of the options, in place of the file's.
     distribution: Option<Distribution>,
     unsupported: Unsupported,
     warnings: Warnings,
     /// Textures by file, encoding and wrap.
     images: HashMap<images::Key, images::Known>,
-    /// Meshes by file and choice.
+    /// Meshes by file and choice of its contents, and derived meshes.
     meshes: HashMap<String, u32>,
     /// Materials by declaration, emission, and the scale of their bump map.
     materials: HashMap<String, u32>,
@@ -184,7 +184,7 @@ struct Context {
 /// The parts of a mixture, with their shares.
 type Shares = Vec<(f32, Material)>;
 
-/// True if a scene of a renderer's own format brings any light: such a file is a scene, not a model.
+/// True if a scene has any light. A file without light is shown as a model.
 fn shines(parts: &SceneParts) -> bool {
     let shared = parts.shared.iter().map(|shared| &shared.mesh);
     let shines = |mesh: &Mesh| {
@@ -224,7 +224,7 @@ impl Context {
         &mut self.builder.parts
     }
 
-    /// Something that is left out: an error, or a warning with `--unsupported skip`.
+    /// Reports an element that is left out: an error, or a warning with `--unsupported skip`.
     fn left_out(&mut self, place: &str, what: impl std::fmt::Display) -> Result<()> {
         if self.unsupported == Unsupported::Skip {
             (self.warnings).group("elements", place, &format!("{what} is not supported"));
@@ -234,7 +234,7 @@ impl Context {
         Err(fault(place, what))
     }
 
-    /// Something in whose place the nearest is shown: a warning, or an error with `--unsupported error`.
+    /// Reports an element in whose place the nearest is shown: a warning, or an error with `--unsupported error`.
     fn nearest(&mut self, place: &str, what: impl std::fmt::Display, shown: &str) -> Result<()> {
         if self.unsupported == Unsupported::Error {
             let what = format!("{what} is not supported; --unsupported nearest shows {shown}");
@@ -245,12 +245,12 @@ impl Context {
         Ok(())
     }
 
-    /// Something that is read but shown in a simpler way.
+    /// Warns of an element that is shown in a simpler way.
     fn approximate(&mut self, place: &str, what: &str) {
         self.warnings.group("elements", place, what);
     }
 
-    /// Warns that a limit of the length of paths is not taken, and names the option that sets it.
+    /// Warns that a limit on the length of paths is ignored, and names the option that sets it.
     fn warn_of_limit(&mut self, name: &str, value: f64, vertices: f64, place: &str) {
         let option = match vertices >= 1.0 {
             true => format!("; `--max-vertices {vertices}` does the same"),
@@ -259,7 +259,7 @@ impl Context {
         self.approximate(place, &format!("`{name}` {value} is not taken{option}"));
     }
 
-    /// Multiplies the radiance of all lights.
+    /// Multiplies the radiance of all lights by an exposure.
     fn brighten(&mut self, factor: f64, place: &str) -> Result<()> {
         if !(factor > 0.0 && factor.is_finite()) {
             return Err(fault(place, format!("an exposure of {factor}")));
@@ -280,7 +280,7 @@ impl Context {
         Ok(())
     }
 
-    /// Two materials, of which the second has a share of the surface. A mixture in it counts by its heaviest parts.
+    /// Two materials, the second with a share of the surface. Mixtures inside count by their heaviest parts.
     fn mixed(
         &mut self,
         mut first: Material,
@@ -298,7 +298,7 @@ impl Context {
         self.heaviest(vec![(1.0 - share, first), (share, second)], place)
     }
 
-    /// A mixture of many materials, in which there may be others: its two heaviest parts.
+    /// A mixture of any number of materials, mixtures among them, reduced to its two heaviest parts.
     fn heaviest(&mut self, shares: Shares, place: &str) -> Result<Material> {
         let mut parts = Shares::new();
         for (share, mut material) in shares {
@@ -344,7 +344,7 @@ impl Context {
         self.distribution.unwrap_or(own)
     }
 
-    /// One include more.
+    /// Counts an include; fails at too many files or too deep nesting.
     fn include(&mut self, depth: usize, place: &str) -> Result<()> {
         self.includes += 1;
         match depth > 32 || self.includes > MOST_INCLUDES {
@@ -353,7 +353,7 @@ impl Context {
         }
     }
 
-    /// The mesh of a file, read once for each choice.
+    /// The mesh of a file, read once for each `choice` of its contents.
     fn file_mesh(
         &mut self,
         name: &str,
@@ -377,7 +377,7 @@ impl Context {
         Ok(mesh)
     }
 
-    /// A spectrum of a file of wavelengths and values.
+    /// The spectrum of a file with pairs of a wavelength and a value.
     fn spectrum_file(&mut self, name: &str, place: &str) -> Result<Spectrum> {
         let (_, bytes) = self.files.open(name, place)?;
         let text = String::from_utf8_lossy(&bytes);
@@ -395,8 +395,8 @@ impl Context {
         })
     }
 
-    /// Material and mesh of a shape that looks so; shapes of one `key` have one material. A mesh under a normal map or a bump map
-    /// has tangents, and is then another one.
+    /// Material and mesh of a shape with a look; shapes of one `key` share a material. Normal maps and bump maps need
+    /// tangents, which only a copy of the mesh has.
     fn dressed(
         &mut self,
         mut look: Look,
@@ -424,7 +424,7 @@ impl Context {
         (*material, mesh)
     }
 
-    /// A mesh with tangents by the first or the second pair of its coordinates, made once.
+    /// A copy of a mesh with tangents by its first or second texture coordinates, made once.
     fn with_tangents(&mut self, mesh: u32, second: bool) -> u32 {
         let key = format!("tangents {mesh} {second}");
         if let Some(&known) = self.meshes.get(&key) {
@@ -442,7 +442,7 @@ impl Context {
         copy
     }
 
-    /// Makes a base transmit diffusely beside what it reflects.
+    /// Makes a base transmit diffusely, in addition to its reflection.
     fn transmit(&mut self, material: &mut Material, transmitted: Paint, place: &str) {
         let maps = [material.base_color_texture, transmitted.map];
         let sum = material.base_color + transmitted.factor;
@@ -453,7 +453,7 @@ impl Context {
         build::looks::transmit(material, transmitted);
     }
 
-    /// Gives a material a bump map, by the mean scale of texture coordinates on these meshes.
+    /// Gives a material a bump map, by the mean scale of the texture coordinates of meshes.
     fn bump(&mut self, material: &mut Material, heights: Paint, steps: &[[f32; 2]]) {
         let n = steps.len().max(1) as f32;
         let mean = |c: usize| {
@@ -466,7 +466,7 @@ impl Context {
     }
 }
 
-/// An index of refraction, which is above 0.
+/// An index of refraction; fails unless it is finite and above 0.
 fn checked_index(eta: f32, place: &str) -> Result<f32> {
     match eta.is_finite() && eta > 0.0 {
         true => Ok(eta),
@@ -474,7 +474,7 @@ fn checked_index(eta: f32, place: &str) -> Result<f32> {
     }
 }
 
-/// A side of the film in pixels.
+/// A side of the film in pixels, from 1 to 65536.
 fn film_side(name: &str, n: f64, place: &str) -> Result<u32> {
     match (1.0..=65536.0).contains(&n) {
         true => Ok(n as u32),
@@ -482,8 +482,8 @@ fn film_side(name: &str, n: f64, place: &str) -> Result<u32> {
     }
 }
 
-/// Lengths of a step of one in u and in v on a mesh at a scale: means over its area. The length in v is negative if u and v make
-/// a left-handed frame with the normal.
+/// Lengths of a unit step in u and in v on a mesh at a scale: means over its area. The length in v is negative if u, v
+/// and the normal are a left-handed frame.
 fn uv_steps(mesh: &Mesh, second: bool, scale: f32) -> [f32; 2] {
     let uvs = if second { &mesh.second_uvs } else { &mesh.uvs };
     let mut sums = [0.0f64; 3];

@@ -1,9 +1,9 @@
-//! Media of other renderers: what is on the two sides of a boundary.
+//! Media of other renderers: a boundary names the media on its two sides.
 //!
-//! A shape names the medium inside and the one outside of it. Where the two are one, or none is named, the boundary means nothing to
-//! media: what is around it goes on in it. A path tracks the bodies around it, which determine the medium outside of a
-//! shape. Only the medium of the whole scene must be found: the one outside of a shape or around the camera that fills no shape.
-//! Bodies around the camera decide where a shape has the same medium as the camera.
+//! A boundary with the same medium on both sides, or with none, does not concern media. A path tracks the bodies around
+//! it, and these determine the medium outside of a shape. So only the medium of the whole scene must be found: one
+//! around the camera or outside of a shape that fills no shape. If a shape has the camera's medium too, the bodies
+//! around the camera decide.
 
 use super::{Context, Material, Medium};
 use crate::build::looks;
@@ -11,7 +11,7 @@ use opsr::math::{Rgb, Vec2};
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::{Scene, SceneParts};
 
-/// A medium of a file by its number; `None` for nothing.
+/// Index of a medium of a file; `None` for a vacuum.
 pub(super) type Named = Option<usize>;
 
 /// Media of a file, and the sides of its boundaries so far.
@@ -19,14 +19,14 @@ pub(super) type Named = Option<usize>;
 pub(super) struct Media {
     all: Vec<Medium>,
     inside: Vec<Named>,
-    /// Media outside of shapes, and where the file says so.
+    /// Media outside of shapes, each with its place in the file.
     outside: Vec<(Named, String)>,
-    /// The same around cameras.
+    /// Media around cameras, each with its place in the file.
     cameras: Vec<(Named, String)>,
 }
 
 impl Media {
-    /// Adds a medium whose coefficients are scaled by a factor; its number.
+    /// Adds a medium with its coefficients scaled by a factor; returns its index.
     pub(super) fn add(&mut self, medium: Medium, scale: f64, place: &str) -> Result<usize> {
         let g = medium.mean_cosine;
         if g.is_nan() || g.abs() >= 1.0 {
@@ -50,12 +50,12 @@ impl Media {
 }
 
 impl Context {
-    /// Notes the medium around a camera.
+    /// Records the medium around a camera.
     pub(super) fn camera_in(&mut self, medium: Named, place: &str) {
         self.media.cameras.push((medium, place.to_owned()));
     }
 
-    /// Makes a material the boundary between media inside and outside of it.
+    /// Makes a material the boundary between a medium inside and one outside.
     pub(super) fn bound(
         &mut self,
         material: &mut Material,
@@ -72,7 +72,7 @@ impl Context {
             *material = looks::glass(1.0, looks::Paint::from(1.0), 0.0);
         }
         if !material.bounds_body() {
-            // Nothing of a medium is seen behind what is opaque.
+            // A medium behind an opaque surface is invisible.
             return match material.transmission > 0.0 {
                 true => self.left_out(place, "a medium behind a thin wall"),
                 false => Ok(()),
@@ -89,10 +89,11 @@ impl Context {
     pub(super) fn fill_scene(&mut self, parts: &mut SceneParts) -> Result<()> {
         let media = std::mem::take(&mut self.media);
         let fills = |named: &Named| media.inside.contains(named);
-        // The program shows the first camera; of several declarations in a pbrt file the last one counts.
+        // The program shows the first camera; of several declarations in a pbrt file only the last one becomes a
+        // camera.
         let shown = media.cameras.len().checked_sub(parts.cameras.len());
         let shown = shown.and_then(|shown| media.cameras.get(shown));
-        // A medium that fills some body too may be the outer one as well, which the bodies around the camera tell.
+        // A medium that fills a body may also be that of the whole scene: the bodies around the camera decide.
         let around = shown
             .filter(|(named, _)| named.is_some() && fills(named))
             .and_then(|camera| media.beyond(camera, parts));
@@ -111,7 +112,7 @@ impl Context {
 }
 
 impl Media {
-    /// The medium outside of the outermost body with a medium around the first camera, or that of the camera itself where it is in none.
+    /// The medium outside of the outermost body with a medium around the first camera, or else the camera's.
     fn beyond<'a>(
         &'a self,
         of_camera: &'a (Named, String),

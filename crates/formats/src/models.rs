@@ -1,4 +1,4 @@
-//! OBJ and PLY files alone: models without lights or cameras.
+//! OBJ and PLY files as scenes of their own: models without lights or cameras.
 
 use super::{Context, Look, mtl, obj, ply};
 use crate::build::looks::{self, Paint};
@@ -22,7 +22,7 @@ pub(super) fn obj(context: &mut Context, bytes: Vec<u8>) -> Result<()> {
     for names in &file.libraries {
         context.library(names, &mut library);
     }
-    // Faces by material, in the order in which the file first has them.
+    // Faces by material, in the order of first use.
     let mut parts: Vec<(&str, Vec<[u32; 3]>)> = Vec::new();
     let mut known: HashMap<&str, usize> = HashMap::new();
     let starts = file
@@ -72,12 +72,12 @@ pub(super) fn ply(context: &mut Context, bytes: Vec<u8>) -> Result<()> {
     context.show(clay(), "", mesh)
 }
 
-/// A surface of which nothing is known.
+/// The default material: a grey diffuse surface.
 fn clay() -> Look {
     looks::diffuse(Paint::from(0.8)).into()
 }
 
-/// Some faces of a mesh, with the vertices that they have.
+/// Some faces of a mesh, with only the vertices that they use.
 fn part(mesh: &Mesh, faces: &[[u32; 3]], name: &str) -> Mesh {
     let mut numbers = vec![u32::MAX; mesh.positions.len()];
     let mut used = Vec::new();
@@ -108,7 +108,7 @@ fn part(mesh: &Mesh, faces: &[[u32; 3]], name: &str) -> Mesh {
 }
 
 impl Context {
-    /// Reads the materials of a file, or of several with blanks between their names. Models often come without them.
+    /// Reads one file of materials, or several with blanks between their names. A missing one is common: a warning.
     fn library(&mut self, names: &str, library: &mut mtl::Library) {
         let place = "mtllib";
         let names = names.replace('\\', "/");

@@ -1,5 +1,5 @@
-//! Materials of OBJ files: Phong's lobe and models of illumination by Wavefront (1995), and the physical names that programs have since
-//! agreed on (`Pr`, `Pm`, `norm`).
+//! Materials of OBJ files: Phong's lobe and the illumination models of Wavefront (1995), and the physical parameters
+//! (`Pr`, `Pm`, `norm`) that later programs write.
 
 use super::images::Use;
 use super::{Context, Look};
@@ -13,24 +13,24 @@ use std::collections::HashMap;
 /// Materials by name.
 pub(super) type Library = HashMap<String, Entry>;
 
-/// Names that are read.
+/// Keywords that are read.
 const READ: &[&str] = &[
     "Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "Tf", "illum", "Pr", "Pm", "map_Kd", "map_Ke",
     "map_d", "map_Pr", "map_bump", "map_Bump", "bump", "norm", "map_Kn",
 ];
 
-/// Names without effect on the surface.
+/// Keywords without effect on the surface.
 const OF_NO_USE: &[&str] = &["Ka", "map_Ka", "sharpness"];
 
-/// A material as the file has it.
+/// A material as in the file.
 #[derive(Clone, Default)]
 pub(super) struct Entry {
     place: String,
-    /// Lines by their first words.
+    /// Lines by their keywords.
     lines: HashMap<String, String>,
 }
 
-/// Reads a file of materials.
+/// Reads the materials of a file into a library.
 pub(super) fn read(bytes: &[u8], place: &str, library: &mut Library) {
     let text = String::from_utf8_lossy(bytes);
     let mut entry: Option<&mut Entry> = None;
@@ -55,7 +55,7 @@ pub(super) fn read(bytes: &[u8], place: &str, library: &mut Library) {
     }
 }
 
-/// A texture line: options and a name, which may have blanks.
+/// A texture line: options, and a file name that may contain blanks.
 struct Map<'a> {
     name: &'a str,
     scale: Vec2,
@@ -64,7 +64,7 @@ struct Map<'a> {
     height: f32,
 }
 
-/// Takes the first word.
+/// Removes and returns the first word.
 fn word<'a>(text: &mut &'a str) -> &'a str {
     let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
     *text = rest.trim_start();
@@ -136,7 +136,7 @@ impl Entry {
         Ok(self.numbers(name)?.map(|n| n[0]))
     }
 
-    /// Three numbers, or one for all.
+    /// Three numbers, or one for all channels, none negative.
     fn color(&self, name: &str) -> Result<Option<Rgb>> {
         Ok(self.numbers(name)?.map(|n| match n[..] {
             [r, g, b, ..] => Rgb::new(r, g, b).max(Rgb::ZERO),
@@ -146,14 +146,14 @@ impl Entry {
 }
 
 impl Context {
-    /// A texture of a line of a material, whose values are `srgb` or not; `None` without such a line.
+    /// The texture of the first of these lines, and the scale of its heights; `None` without such a line.
     fn map(&mut self, entry: &Entry, names: &[&str], srgb: bool) -> Result<Option<(Paint, f32)>> {
         let Some(text) = names.iter().find_map(|name| entry.lines.get(*name)) else {
             return Ok(None);
         };
         let map = Map::of(text);
         let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
-        // The origin of the file's coordinates is below, that of images above.
+        // The file's origin is the bottom left corner, the image's the top left.
         let shift = Vec2::new(map.offset.x, 1.0 - map.scale.y - map.offset.y);
         let how = Use {
             srgb: Some(srgb),
@@ -166,9 +166,9 @@ impl Context {
         Ok(Some((self.texture(&name, how, &entry.place)?, map.height)))
     }
 
-    /// Warns of the lines that are not read.
+    /// Warns of lines that are not read.
     fn name_unread(&mut self, entry: &Entry) {
-        // Exporters write what a material has not as 0.
+        // Exporters write 0 for a feature that a material does not have.
         let is_off = |word: &str| {
             let mut numbers = entry.lines[word].split_whitespace();
             numbers.all(|n| n.parse() == Ok(0.0f32))
@@ -184,11 +184,11 @@ impl Context {
         }
     }
 
-    /// The diffuse colour, alone and with its texture.
+    /// The diffuse colour, without and with its texture.
     fn colour(&mut self, entry: &Entry) -> Result<(Rgb, Paint)> {
         let kd = entry.color("Kd")?;
         let colour_map = self.map(entry, &["map_Kd"], true)?;
-        // Exporters write black beside a texture.
+        // Exporters write black next to a texture.
         let kd = match (kd, &colour_map) {
             (None, None) => Rgb::splat(0.8),
             (None, Some(_)) => Rgb::ONE,
@@ -205,7 +205,7 @@ impl Context {
         Ok((kd, base))
     }
 
-    /// The surface that a material describes.
+    /// The material of an entry.
     pub(super) fn of_entry(&mut self, name: &str, entry: &Entry) -> Result<Look> {
         self.name_unread(entry);
         let model = entry.number("illum")?.unwrap_or(2.0) as i32;
@@ -228,7 +228,7 @@ impl Context {
         };
         let opacity = opacity.clamp(0.0, 1.0);
         let refracts = matches!(model, 4 | 6 | 7 | 9) && opacity < 1.0;
-        // Models with reflection are of metal where their colour is the highlight's, or as Blender writes metal.
+        // Models with reflection are metal if the highlight is brighter than `Kd`, or by Blender's mark of metal.
         let ambient = entry.color("Ka")?.unwrap_or(Rgb::ZERO);
         let mirrors = matches!(model, 3 | 5 | 8);
         let shines = luminance(ks) > luminance(kd) || ambient.min_element() > 0.99;
@@ -240,7 +240,7 @@ impl Context {
             let tint = entry
                 .color("Tf")?
                 .map_or(Rgb::ONE, |tint| tint.min(Rgb::ONE));
-            // Sharp unless the file says a roughness: the exponent is that of highlights of lamps.
+            // Smooth unless the file has a roughness: the exponent describes only the highlights of lamps.
             let alpha = entry.number("Pr")?.map_or(0.0, |_| alpha);
             Material {
                 root_tint: true,
@@ -250,7 +250,7 @@ impl Context {
             let glossy = model >= 2 && (luminance(ks) > 0.0 || entry.lines.contains_key("Pr"));
             let weight = match entry.lines.contains_key("Pr") {
                 true => 1.0,
-                // Half is the 4 % of an index of 1.5, as in Blender.
+                // Blender's convention: a half is the reflectance of 4 % of an index of 1.5.
                 false => (2.0 * luminance(ks)).min(1.0),
             };
             let of_highlight =
@@ -283,7 +283,7 @@ impl Context {
         })
     }
 
-    /// Opacity, with its texture.
+    /// Sets the opacity, with its texture.
     fn holes(&mut self, entry: &Entry, opacity: f32, material: &mut Material) -> Result<()> {
         let holes = match self.map(entry, &["map_d"], false)? {
             Some((map, _)) => Paint {
@@ -299,7 +299,7 @@ impl Context {
         Ok(())
     }
 
-    /// Emission, roughness, metalness and normals.
+    /// Sets emission, roughness, metalness and normals, with their textures.
     fn maps(&mut self, entry: &Entry, material: &mut Material) -> Result<()> {
         let glow = self.map(entry, &["map_Ke"], true)?;
         material.emission = match (entry.color("Ke")?, &glow) {
@@ -308,7 +308,7 @@ impl Context {
             (_, Some((map, _))) => map.factor,
             (None, None) => Rgb::ZERO,
         };
-        // Programs that write these files have lamps that shine from both sides.
+        // In the programs that write these files lamps emit from both sides.
         material.double_sided = material.emission != Rgb::ZERO;
         material.emissive_texture = glow.and_then(|(map, _)| map.map);
         if let Some((map, _)) = self.map(entry, &["map_Pr"], false)?

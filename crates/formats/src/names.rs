@@ -1,24 +1,24 @@
-//! Names of parameters that the readers know. Any other is an error, as in pbrt and Mitsuba: a misspelt one would take its default
-//! without a word.
+//! Names of the parameters that the readers accept. Any other name is an error, as in pbrt and Mitsuba: a misspelt
+//! parameter would silently keep its default.
 
 use super::Context;
 use opsr::scene::load::Unsupported;
 use opsr::scene::load::error::{Result, fault};
 
-/// Parameters of an element such as `Material` or `bsdf`, of some kinds; names are separated by spaces.
+/// Parameters of some kinds of an element such as `Material` or `bsdf`; names are separated by spaces.
 pub(super) struct Names {
     pub(super) element: &'static str,
-    /// Kinds, or [`ALL`] for what every kind of the element has.
+    /// Kinds, or [`ALL`] for the parameters of every kind of the element.
     pub(super) kinds: &'static str,
     /// Parameters that are read.
     pub(super) read: &'static str,
-    /// Parameters without effect here: how to sample, or how to write files.
+    /// Parameters without effect here, such as those of sampling and of output files.
     pub(super) idle: &'static str,
-    /// Parameters that change the picture and are not read: a warning names them.
+    /// Parameters that change the picture but are not read: they cause a warning.
     pub(super) left: &'static str,
 }
 
-/// Stands for all kinds.
+/// Marks parameters of all kinds.
 pub(super) const ALL: &str = "*";
 
 /// A row of a table of names.
@@ -43,8 +43,8 @@ fn has(list: &str, name: &str) -> bool {
 }
 
 impl Context {
-    /// Checks the names, each with its place, of an element's parameters. Kinds that are not in the table are refused where they
-    /// are used.
+    /// Checks the names of an element's parameters, given with their places. Kinds that are not in the table pass: they
+    /// are refused where they are used.
     pub(super) fn check_names<'n>(
         &mut self,
         table: &[Names],
@@ -60,7 +60,7 @@ impl Context {
         }
         for (name, place) in given {
             let in_one = |list: fn(&Names) -> &'static str| {
-                // An empty list holds no empty name.
+                // An empty list, when split, has one empty name.
                 !name.is_empty() && rows.iter().any(|row| has(list(row), name))
             };
             if in_one(|row| row.read) || in_one(|row| row.idle) {
@@ -94,7 +94,7 @@ impl Context {
 mod tests {
     use super::super::{mitsuba, pbrt};
 
-    /// Every name of a table that is said to be read is asked for by the reader, and stands in one list alone.
+    /// Every name in a list of read parameters occurs in the source of the reader, and in no other list.
     #[test]
     fn names_are_read_as_their_tables_say() {
         let of_pbrt = [
@@ -122,7 +122,7 @@ mod tests {
             for row in table {
                 let of = |list: &'static str| list.split(' ').filter(|name| !name.is_empty());
                 for name in of(row.read) {
-                    // The reader puts prefixes of layers before some.
+                    // The readers put prefixes of layers before some names.
                     let last = name.rsplit('.').next().unwrap_or(name);
                     let asked = [
                         format!("\"{name}\""),

@@ -11,24 +11,24 @@ use std::str::SplitWhitespace;
 /// Most vertices or triangles.
 const MOST: usize = 1 << 26;
 
-/// The corner of a face: position, texture coordinates and normal, from 1; 0 for none.
+/// The corner of a face: indices of position, texture coordinates and normal, from 1; 0 if absent.
 type Corner = [u32; 3];
 
-/// A file.
+/// The contents of a file.
 #[derive(Default)]
 pub(super) struct Obj {
-    /// All faces. Texture coordinates have v downwards, as in images, where the reader is asked for it.
+    /// All faces. With `flip`, v of the texture coordinates grows downwards, as in images.
     pub(super) mesh: Mesh,
     /// First face of each run of one material, and the material's name.
     pub(super) looks: Vec<(usize, String)>,
-    /// Names of the materials' files: a line has one, or several with blanks between them.
+    /// Names of material files, line by line; a line may contain several, separated by blanks.
     pub(super) libraries: Vec<String>,
 }
 
-/// Reads a file. Texture coordinates have v upwards in the file; with `flip` it grows downwards.
+/// Reads a file. Its texture coordinates have v upwards; with `flip`, v is turned to grow downwards.
 pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Obj> {
     let text = String::from_utf8_lossy(bytes);
-    // A backslash goes on with the next line.
+    // A backslash continues a line.
     let joined = match text.contains('\\') {
         true => Cow::Owned(text.replace("\\\r\n", " ").replace("\\\n", " ")),
         false => text,
@@ -51,7 +51,7 @@ pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Obj> {
         match words.next() {
             Some("v") => {
                 positions.push(vector(&mut words, 3)?);
-                // A fourth number alone is a weight.
+                // A single fourth number is a weight, not a colour.
                 if words.clone().count() >= 3 {
                     let color = vector(&mut words, 3)?.clamp(Vec3::ZERO, Vec3::ONE);
                     colors.push(color.map(linear).extend(1.0));
@@ -102,7 +102,7 @@ pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Obj> {
     Ok(obj)
 }
 
-/// Up to three numbers, at least `least`.
+/// Up to three numbers, at least `least` of them; the others are 0.
 fn vector(
     words: &mut SplitWhitespace<'_>,
     least: usize,
@@ -119,7 +119,7 @@ fn vector(
     v.is_finite().then_some(v).ok_or("not finite")
 }
 
-/// The corner of a word such as `1/2/3`; negative numbers count from the end.
+/// The corner of a word such as `1/2/3`; negative indices count from the end.
 fn corner(word: &str, counts: [usize; 3]) -> Option<Corner> {
     let mut out = [0; 3];
     for (i, part) in word.split('/').enumerate() {

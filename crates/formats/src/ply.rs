@@ -1,4 +1,4 @@
-//! PLY meshes: text, and binary of either order. Polygons become fans, also the quads that are bilinear patches to pbrt.
+//! PLY meshes: text, or binary of either byte order. Polygons become fans, also quads (bilinear patches in pbrt).
 
 use crate::build::colour::linear;
 use opsr::math::{Vec2, Vec3};
@@ -57,7 +57,7 @@ struct Element {
     properties: Vec<Property>,
 }
 
-/// Values of the body, one after another.
+/// The rest of the body, read value by value.
 struct Body<'a> {
     bytes: &'a [u8],
     format: Format,
@@ -204,7 +204,7 @@ fn header<'a>(bytes: &'a [u8], place: &str) -> Result<(Vec<Element>, Format, &'a
     Err(bad("its header does not end".into()))
 }
 
-/// Hands over the values of one element: the number of the property, and its value or values.
+/// Passes the values of an element to `take`: index of the property, and a value.
 fn values(body: &mut Body<'_>, element: &Element, mut take: impl FnMut(usize, f64)) -> Result<()> {
     for (i, property) in element.properties.iter().enumerate() {
         let count = match property.list {

@@ -1,4 +1,4 @@
-//! Mitsuba's `.serialized` meshes: streams of zlib, one for each shape, and a list of their places at the end.
+//! Mitsuba's `.serialized` meshes: one zlib stream per shape, and a table of their offsets at the end.
 
 use opsr::math::{Vec2, Vec3};
 use opsr::memory;
@@ -33,7 +33,7 @@ impl Body<'_> {
     }
 }
 
-/// Reads the shape of this index.
+/// Reads the shape with this index.
 pub(super) fn read(bytes: &[u8], place: &str, shape: usize) -> Result<Mesh> {
     let bad = |what: &str| fault(place, what);
     let word = |at: usize| {

@@ -1,4 +1,4 @@
-//! Colours of spectra: what other renderers' files give by wavelength, as linear Rec. 709.
+//! Colours of spectra, as linear Rec. 709: other renderers' files give colours by wavelength.
 
 use opsr::math::{DVec3, Rgb};
 
@@ -55,7 +55,7 @@ const OBSERVER: [[f64; 3]; 48] = [
     [1e-06, 0.0, 0.0],
 ];
 
-/// Illuminant D65 at the same wavelengths, in a unit of its own.
+/// Illuminant D65 at the same wavelengths, in an arbitrary unit.
 #[rustfmt::skip]
 const D65: [f64; 48] = [
     0.4711, 0.5262, 0.5048, 0.552, 0.8359, 0.9241, 0.9438, 0.8756, 1.0593, 1.1819, 1.1901, 1.1602,
@@ -64,13 +64,13 @@ const D65: [f64; 48] = [
     0.6223, 0.7059, 0.7585, 0.6424, 0.4689, 0.6748, 0.6402, 0.6496, 0.6005, 0.5249, 0.5802, 0.6092,
 ];
 
-/// Sums of x, y, z over the wavelengths, weighted by the given spectrum.
+/// Sums of the observer's x, y and z over the wavelengths, weighted by a spectrum of wavelengths in nanometres.
 fn xyz(spectrum: impl Fn(f64) -> f64) -> DVec3 {
     let at = |i: usize| DVec3::from(OBSERVER[i]) * spectrum(360.0 + 10.0 * i as f64);
     (0..OBSERVER.len()).map(at).sum()
 }
 
-/// Linear Rec. 709 of XYZ, no less than 0.
+/// Linear Rec. 709 of a colour in XYZ; negative channels become 0.
 pub fn rec709(xyz: DVec3) -> Rgb {
     let rgb = DVec3::new(
         xyz.dot(DVec3::new(3.240_479, -1.537_150, -0.498_535)),
@@ -86,12 +86,12 @@ fn d65(wavelength: f64) -> f64 {
     D65[i] + (D65[i + 1] - D65[i]) * part
 }
 
-/// A spectrum given at wavelengths in nanometres, which rise; linear between them, and 0 outside.
+/// A spectrum: values at rising wavelengths in nanometres, linear between them and 0 outside.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrum(Vec<(f64, f64)>);
 
 impl Spectrum {
-    /// `None` unless there are samples, all finite, in rising order.
+    /// A spectrum of pairs (wavelength, value). `None` unless there are samples, all finite, in rising order.
     pub fn new(samples: Vec<(f64, f64)>) -> Option<Self> {
         let finite = samples.iter().all(|(w, v)| w.is_finite() && v.is_finite());
         let rising = samples.windows(2).all(|pair| pair[0].0 < pair[1].0);
@@ -111,7 +111,7 @@ impl Spectrum {
         }
     }
 
-    /// Colour of a surface that reflects so, under D65; of an index of refraction likewise.
+    /// Colour under D65 of a surface of this spectral reflectance; also the three channels of an index of refraction.
     pub fn reflected(&self) -> Rgb {
         let white = xyz(d65).y;
         rec709(xyz(|w| d65(w) * self.at(w)) / white)
@@ -122,7 +122,7 @@ impl Spectrum {
         rec709(xyz(|w| self.at(w)) / xyz(|_| 1.0).y)
     }
 
-    /// The same at a luminance of 1.
+    /// Colour of this spectrum at a luminance of 1; black for a spectrum that is not visible.
     pub fn chromaticity(&self) -> Rgb {
         let seen = xyz(|w| self.at(w));
         if seen.y > 0.0 {
@@ -132,18 +132,18 @@ impl Spectrum {
         }
     }
 
-    /// Mean of the values weighted by the observer's y: one number for an index of refraction.
+    /// Mean of the values, weighted by the observer's y: an index of refraction as one number.
     pub fn mean(&self) -> f32 {
         (xyz(|w| self.at(w)).y / xyz(|_| 1.0).y) as f32
     }
 }
 
-/// XYZ of a black body of this temperature in kelvin, by Planck's law in W/(m² sr nm); `None` at 0 and below.
+/// XYZ of a black body by Planck's law, in W/(m² sr nm); `None` unless the temperature in kelvin is positive.
 fn planck(kelvin: f64) -> Option<DVec3> {
     if !(kelvin > 0.0 && kelvin.is_finite()) {
         return None;
     }
-    // 2hc² and hc/k, of wavelengths in nanometres.
+    // 2hc² and hc/k, for wavelengths in nanometres.
     let radiance =
         |nm: f64| 1.191_042_972e20 * nm.powi(-5) / ((1.438_776_877e7 / (nm * kelvin)).exp() - 1.0);
     Some(xyz(radiance))
@@ -160,7 +160,7 @@ pub fn black_body(kelvin: f32) -> Rgb {
     }
 }
 
-/// Colour of a lamp of the spectral radiance of a black body, in W/(m² sr nm) and the scale of [`Spectrum::emitted`].
+/// Colour of a lamp with the spectral radiance of a black body in W/(m² sr nm), on the scale of [`Spectrum::emitted`].
 pub fn black_body_radiance(kelvin: f64) -> Rgb {
     planck(kelvin).map_or(Rgb::ZERO, |seen| rec709(seen / xyz(|_| 1.0).y))
 }
@@ -191,7 +191,7 @@ mod tests {
             "{warm} {cold}"
         );
         assert_eq!(black_body(-1.0), Rgb::ZERO);
-        // Radiance in a spectral renderer, of green: a hot lamp is ten thousand times as bright.
+        // Green of the radiance in a spectral renderer: it grows by four orders of magnitude from 2000 K to 6500 K.
         for (kelvin, green) in [(2000.0, 4.12), (3000.0, 350.0), (6500.0, 41_443.0)] {
             let ratio = black_body_radiance(kelvin).y / green;
             assert!((ratio - 1.0).abs() < 0.02, "{kelvin} K: {ratio}");

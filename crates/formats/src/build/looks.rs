@@ -1,4 +1,4 @@
-//! Materials in the words of other renderers: diffuse, metal, glass, wall, coated; with textures where files have them.
+//! Materials in the terms of other renderers: diffuse, metal, glass, wall, coated; textured where the files are.
 
 use super::Builder;
 use glam::Affine2;
@@ -9,14 +9,14 @@ use opsr::scene::{AlphaMode, Material, Texels, Texture, TextureRef, Wrap};
 /// A colour, or a texture times a factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Paint {
-    /// Colour, or factor.
+    /// The colour, or the factor of the texture, in linear Rec. 709.
     pub factor: Rgb,
-    /// Texture.
+    /// Texture that the factor multiplies.
     pub map: Option<TextureRef>,
 }
 
 impl Paint {
-    /// One colour.
+    /// A colour without a texture.
     pub const fn plain(colour: Rgb) -> Self {
         Self {
             factor: colour,
@@ -31,7 +31,7 @@ impl From<f32> for Paint {
     }
 }
 
-/// The base of all looks: both sides are seen, and light scatters on both.
+/// The base of all materials here: both sides are visible and scatter light.
 fn surface(paint: Paint) -> Material {
     Material {
         base_color: paint.factor,
@@ -48,7 +48,7 @@ pub fn diffuse(reflectance: Paint) -> Material {
     surface(reflectance)
 }
 
-/// A metal of index `eta` + i `k` over that of the outside, reflectance times `tint`, of roughness `alpha`.
+/// A metal. Its complex index `eta` + i `k` is relative to the outside; `tint` multiplies its reflectance.
 pub fn metal(eta: Rgb, k: Rgb, tint: Paint, alpha: f32) -> Material {
     let mut material = Material {
         metallic: 1.0,
@@ -60,7 +60,7 @@ pub fn metal(eta: Rgb, k: Rgb, tint: Paint, alpha: f32) -> Material {
     material
 }
 
-/// The boundary of a body of this index over that of the outside; light that passes is multiplied by `tint`.
+/// The boundary of a solid body. Its index is relative to the outside; `tint` multiplies transmitted light.
 pub fn glass(eta: f32, tint: Paint, alpha: f32) -> Material {
     Material {
         transmission: 1.0,
@@ -72,7 +72,7 @@ pub fn glass(eta: f32, tint: Paint, alpha: f32) -> Material {
     }
 }
 
-/// A thin pane of this index.
+/// A thin smooth pane of this index; `tint` multiplies transmitted light, `reflected` reflected light.
 pub fn wall(eta: f32, tint: Paint, reflected: Rgb) -> Material {
     Material {
         transmission: 1.0,
@@ -85,8 +85,8 @@ pub fn wall(eta: f32, tint: Paint, reflected: Rgb) -> Material {
     }
 }
 
-/// A base under a clear layer of this index and roughness. With `saturates` what the layer returns to the base takes on its
-/// colour again.
+/// A base under a clear layer of this index and roughness. With `saturates`, the base's colour also multiplies light
+/// that the layer reflects back to the base.
 pub fn coated(eta: f32, base: Paint, reflected: Rgb, alpha: f32, saturates: bool) -> Material {
     let mut material = Material {
         ior: eta,
@@ -99,7 +99,7 @@ pub fn coated(eta: f32, base: Paint, reflected: Rgb, alpha: f32, saturates: bool
     material
 }
 
-/// A base under a layer of an index that reflects `shine` times Schlick's share, in glTF's way.
+/// A base under a layer of this index, as in glTF: `shine` multiplies Schlick's reflectance of the layer.
 pub fn glossy(base: Paint, shine: Rgb, index: f32) -> Material {
     let most = shine.max_element();
     Material {
@@ -110,7 +110,7 @@ pub fn glossy(base: Paint, shine: Rgb, index: f32) -> Material {
     }
 }
 
-/// Makes a base transmit diffusely: `transmitted` beside what it reflects.
+/// Makes a base transmit diffusely: `transmitted` is added to what it reflects.
 pub fn transmit(material: &mut Material, transmitted: Paint) {
     material.finish_mut().translucency = Some(Translucency {
         weight: 1.0,
@@ -121,7 +121,7 @@ pub fn transmit(material: &mut Material, transmitted: Paint) {
     });
 }
 
-/// Makes a base transmit the share `weight` of its colour diffusely, which it reflects no more.
+/// Makes a base transmit the share `weight` of its colour diffusely, instead of reflecting it.
 pub fn transmit_share(material: &mut Material, weight: f32) {
     if weight > 0.0 {
         material.finish_mut().translucency = Some(Translucency {
@@ -134,13 +134,13 @@ pub fn transmit_share(material: &mut Material, weight: f32) {
     }
 }
 
-/// The index of refraction of a layer that reflects this share at normal incidence.
+/// The index of refraction of a layer with this reflectance at normal incidence, at most 0.9.
 pub fn index_of(reflected: f32) -> f32 {
     let root = reflected.clamp(0.0, 0.9).sqrt();
     (1.0 + root) / (1.0 - root)
 }
 
-/// The width of Beckmann's slopes that is nearest to a lobe of Phong's with this exponent (Walter et al. 2007, section 5.2).
+/// The Beckmann roughness of the lobe nearest to Phong's with this exponent (Walter et al. 2007, section 5.2).
 pub fn width_of_phong(exponent: f32) -> f32 {
     (2.0 / (exponent.max(0.0) + 2.0)).sqrt()
 }
@@ -150,14 +150,14 @@ pub fn melanin(dark: f32, red: f32) -> Rgb {
     dark * Rgb::new(0.419, 0.697, 1.37) + red * Rgb::new(0.187, 0.4, 1.05)
 }
 
-/// Colour of many hairs of this absorption and azimuthal roughness: the fit of Chiang et al. 2016, equation 9, the other way round.
+/// Colour of many hairs of this absorption and azimuthal roughness: the inverse of Chiang et al. 2016, equation 9.
 pub fn colour_of_hair(absorption: Rgb, rough: f32) -> Rgb {
     let terms = [5.969, -0.215, 2.532, -10.73, 5.574, 0.245];
     let width = terms.iter().rev().fold(0.0, |sum, term| sum * rough + term);
     absorption.map(|a| (-width * a.max(0.0).sqrt()).exp())
 }
 
-/// Hair as a glossy surface of its colour: keratin's index, and a highlight as wide as that of its usual roughness.
+/// Hair as a glossy surface of its colour, with keratin's index and a highlight of the usual width.
 pub fn hair(colour: Rgb) -> Material {
     Material {
         alpha: 0.2,
@@ -173,7 +173,7 @@ pub fn lamp(radiance: Rgb) -> Material {
     }
 }
 
-/// A surface that nothing meets.
+/// An invisible surface: opacity 0 under an opacity mask.
 pub fn nothing() -> Material {
     Material {
         alpha_mode: AlphaMode::Mask(0.5),
@@ -182,20 +182,20 @@ pub fn nothing() -> Material {
     }
 }
 
-/// Most texels of a side of a texture that is made of others.
+/// Most texels along a side of a texture that is computed from others.
 const MOST: u32 = 8192;
 
-/// Texels of a side of blended fields: enough for the slope of heights.
+/// Texels along a side of a blended texture of [`Builder::fields`]: enough for slopes, if it is a bump map.
 const BLENDED: u32 = 64;
 
 impl Builder {
-    /// Adds a texture.
+    /// Adds a texture; returns its index.
     pub fn add_texture(&mut self, texture: Texture) -> u32 {
         self.parts.textures.push(texture);
         self.parts.textures.len() as u32 - 1
     }
 
-    /// The mean of a colour or a texture.
+    /// The mean of a colour, or of a texture times its factor.
     pub fn mean(&self, paint: Paint) -> Rgb {
         let Some(map) = paint.map else {
             return paint.factor;
@@ -204,7 +204,7 @@ impl Builder {
         paint.factor * Rgb::new(r, g, b)
     }
 
-    /// A texture of sixteen bits that `colour` makes of the place in [0, 1]².
+    /// A 16-bit texture of `colour` at the texel centres, in [0, 1]².
     fn baked(
         &mut self,
         size: [u32; 2],
@@ -231,7 +231,7 @@ impl Builder {
         }
     }
 
-    /// Result of `of` for colours or textures, texel by texel. `None` if two are textures with different coordinates.
+    /// `of` applied to colours and textures, texel by texel. `None` if two textures have different coordinates.
     pub fn combined<const N: usize>(
         &mut self,
         paints: [Paint; N],
@@ -256,7 +256,7 @@ impl Builder {
             }
             None => factors[i],
         };
-        // Sixteen bits hold values up to 1.
+        // Sixteen bits hold values up to 1: larger ones go into the factor.
         let most = factors.iter().fold(of(factors), |most, f| most.max(*f));
         let most = most.max_element().max(1.0);
         let texture = self.baked([side(|t| t.width), side(|t| t.height)], 3, |uv| {
@@ -278,7 +278,7 @@ impl Builder {
         })
     }
 
-    /// A texture of the luminance of a coloured one times `factor`, and the factor of its values; a grey one is itself.
+    /// A grey texture of the luminance of `factor` times a texture, and its factor; a grey texture is reused.
     pub fn grey(&mut self, factor: Rgb, map: TextureRef) -> (f32, u32) {
         let source = &self.parts.textures[map.texture as usize];
         let most = factor.max_element();
@@ -300,8 +300,8 @@ impl Builder {
         (most, self.add_texture(texture))
     }
 
-    /// A texture whose green is the root of what `alpha` makes of the mean of a map's channels, blue one: roughness as
-    /// materials take it.
+    /// A roughness texture as materials use it. Its green channel is the root of `alpha` of the mean of the map's
+    /// channels; the other channels are 1.
     pub fn roughness_map(&mut self, map: TextureRef, alpha: impl Fn(f32) -> f32) -> TextureRef {
         let source = self.parts.textures[map.texture as usize].clone();
         let size = [source.width.min(MOST), source.height.min(MOST)];
@@ -321,7 +321,7 @@ impl Builder {
         }
     }
 
-    /// Gives a material an opacity, of a number or a map. A map must have the coordinates of the base colour's.
+    /// Gives a material an opacity: a number, or a map, which must have the texture coordinates of the base colour.
     pub fn set_opacity(
         &mut self,
         material: &mut Material,
@@ -364,9 +364,8 @@ impl Builder {
         Ok(())
     }
 
-    /// A normal map of heights, where a step of one in a texture coordinate is this long on the surface, negative for a v
-    /// against the bitangent. `heights` has its
-    /// own factor in red.
+    /// A normal map of heights. `step` is the length on the surface of one unit of u and of v, negative for a v against
+    /// the bitangent. The factor of `heights` scales them. `None` without a texture.
     pub fn bump_map(&mut self, heights: Paint, step: [f32; 2]) -> Option<TextureRef> {
         let map = heights.map?;
         let source = self.parts.textures[map.texture as usize].clone();
@@ -380,7 +379,7 @@ impl Builder {
         let texture = self.baked([w, h], 3, |uv| {
             let (dx, dy) = (texel.with_y(0.0), texel.with_x(0.0));
             let by = |d: Vec2, l: f32| (height(uv + d) - height(uv - d)) / (2.0 * l);
-            // By the texture's own coordinates, then by the mesh's, then by length.
+            // Derivatives by the texture's coordinates, then by the mesh's coordinates, then by length.
             let slope = turn.transpose() * Vec2::new(by(dx, texel.x), by(dy, texel.y));
             let n = Rgb::new(-slope.x / step[0], -slope.y / step[1], 1.0).normalize();
             let [x, y, z] = (0.5 * n + 0.5).to_array();
@@ -397,8 +396,8 @@ impl Builder {
         })
     }
 
-    /// A texture of four colours, the first at the origin, then along u: fields of half a side, or blended between the corners of
-    /// [0, 1]².
+    /// A texture of four colours in the order (0, 0), (1, 0), (0, 1), (1, 1). Sharp ones fill quarters; others are
+    /// blended between the corners of [0, 1]².
     pub fn fields(&mut self, colours: [Rgb; 4], sharp: bool, transform: Affine2) -> Paint {
         // Fine enough that interpolation between texels hardly shows at the edges.
         let (side, wrap) = if sharp {
@@ -418,7 +417,7 @@ impl Builder {
             let row = |i: usize| colours[i].lerp(colours[i + 1], at.x);
             (row(0).lerp(row(2), at.y) / most).extend(1.0).to_array()
         });
-        // Corners are the middles of the outermost texels.
+        // The corners of [0, 1]² are the centres of the outermost texels.
         let texel = 1.0 / BLENDED as f32;
         let (scale, shift) = (Vec2::splat(1.0 - texel), Vec2::splat(0.5 * texel));
         let transform = match sharp {
@@ -437,12 +436,12 @@ impl Builder {
         }
     }
 
-    /// Makes `other`, a material of the scene, take the share `weight` of another's surface.
+    /// Gives `other`, the index of a material of the scene, the share `weight` of the surface of `material`.
     pub fn mix(&mut self, material: &mut Material, other: u32, weight: Paint) {
         let textured = self.parts.materials[other as usize].is_textured();
         let mut texture = weight.map;
         if texture.is_none() && textured {
-            // A texture of its own says that the surface has coordinates.
+            // A texture in the mixture marks the surface as one with texture coordinates.
             let white = self.add_texture(Texture::rgba(1, 1, [[255; 4]]));
             texture = Some(TextureRef {
                 texture: white,

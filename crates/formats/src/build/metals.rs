@@ -1,9 +1,9 @@
 //! Indices of refraction by name.
 //!
-//! Metals: complex indices over the visible spectrum as Mitsuba 3 and pbrt name them (Palik: *Handbook of Optical Constants of
-//! Solids*, 1985, and the SOPRA database, both by refractiveindex.info), weighted by the CIE 1931 observer under D65 and taken to
-//! linear Rec. 709, which is what Mitsuba's RGB variants render; channels outside of the gamut are 0. Glasses: indices at the
-//! line d, of Mitsuba's list and of the manufacturers.
+//! Metals: complex indices over the visible spectrum, by the names of Mitsuba 3 and pbrt (Palik: *Handbook of Optical
+//! Constants of Solids*, 1985, and the SOPRA database, both by refractiveindex.info). They are weighted by the CIE 1931
+//! observer under D65 and converted to linear Rec. 709, as in Mitsuba's RGB variants; channels outside of the gamut are
+//! 0. Glasses: indices at the line d, from Mitsuba's list and from the manufacturers.
 
 use opsr::math::Rgb;
 
@@ -51,7 +51,7 @@ const METALS: &[Row] = &[
     ("W", [4.3708, 3.3002, 2.9984], [3.5006, 2.6049, 2.2732]),
 ];
 
-/// Other names of these metals: those of pbrt, and short ones of Mitsuba.
+/// Other names of these metals: those of pbrt, and Mitsuba's short names.
 const ALIASES: &[(&str, &str)] = &[
     ("metal-Ag", "Ag"),
     ("metal-Al", "Al"),

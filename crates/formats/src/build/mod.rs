@@ -1,5 +1,5 @@
-//! Scenes put together piece by piece: shapes at poses, looks, lights. Readers of other renderers' files and Python build theirs
-//! so; [`Builder::finish`] makes plain [`SceneParts`] of them, which is what the reader of glTF makes too.
+//! Scenes built piece by piece: meshes at poses, materials, lights. The readers of other renderers' files and Python
+//! use it; [`Builder::finish`] returns plain [`SceneParts`], as the reader of glTF does.
 
 pub mod colour;
 pub mod looks;
@@ -17,21 +17,21 @@ use opsr::scene::limits::{
 use opsr::scene::{Material, Mesh, SceneParts, SharedMesh};
 use std::collections::HashMap;
 
-/// The way from a mesh's space to the world.
+/// The transform from a mesh's space to the world.
 pub type Pose = DAffine3;
 
-/// A pose by the columns of its matrix, the last of which is the shift.
+/// The pose of a matrix, given by its columns; the last column is the translation.
 pub fn pose_of([x, y, z, shift]: [[f64; 3]; 4]) -> Pose {
     Pose::from_cols(x.into(), y.into(), z.into(), shift.into())
 }
 
-/// Why a scene cannot be built.
+/// Reasons for which a scene cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
     /// More meshes, vertices or triangles than a scene may have.
     #[error("more than {0}, copies of meshes counted")]
     TooMany(String),
-    /// More memory than there is.
+    /// More memory than the machine has free.
     #[error("{0}")]
     Memory(Shortage),
 }
@@ -39,42 +39,42 @@ pub enum BuildError {
 /// A mesh at a pose.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed {
-    /// Index of the mesh, as [`Builder::mesh`] gave it.
+    /// Index of the mesh, as returned by [`Builder::mesh`].
     pub mesh: u32,
     /// Index of the material.
     pub material: u32,
-    /// The way from the mesh's space to the world. A mirroring one keeps the front the front.
+    /// The transform from the mesh's space to the world. A mirroring pose leaves the front of the mesh its front.
     pub pose: Pose,
 }
 
 /// A scene in progress.
 #[derive(Clone, Debug, Default)]
 pub struct Builder {
-    /// Materials, textures, lights, cameras and environment so far. Its meshes are those of [`Builder::place`], later.
+    /// Materials, textures, lights, cameras and environment so far. Its meshes are empty until [`Builder::finish`].
     pub parts: SceneParts,
     meshes: Vec<Mesh>,
     placed: Vec<Placed>,
 }
 
 impl Builder {
-    /// Adds a mesh in a space of its own, of which any number of copies may be placed.
+    /// Adds a mesh in its own space and returns its index. Any number of copies of it may be placed.
     pub fn mesh(&mut self, mesh: Mesh) -> u32 {
         self.meshes.push(mesh);
         self.meshes.len() as u32 - 1
     }
 
-    /// A mesh that was added.
+    /// The mesh of this index.
     pub fn mesh_mut(&mut self, mesh: u32) -> &mut Mesh {
         &mut self.meshes[mesh as usize]
     }
 
-    /// Adds a material.
+    /// Adds a material; returns its index.
     pub fn material(&mut self, material: Material) -> u32 {
         self.parts.materials.push(material);
         self.parts.materials.len() as u32 - 1
     }
 
-    /// Shows a mesh.
+    /// Adds a copy of a mesh to the scene. Fails beyond the largest number of meshes.
     pub fn place(&mut self, placed: Placed) -> Result<(), BuildError> {
         if self.placed.len() == MAX_MESHES {
             return Err(BuildError::TooMany(format!("{MAX_MESHES} meshes")));
@@ -101,8 +101,8 @@ impl Builder {
             + all(mesh.indices.len(), if emits { EMITTER_BYTES } else { 0 })
     }
 
-    /// The parts of the scene. Meshes that are shown more than once are shared, except the smallest, if copies of them would
-    /// take much memory.
+    /// The parts of the scene. Meshes that are placed more than once are shared if copies would take much memory; the
+    /// smallest meshes are always copied.
     pub fn finish(mut self) -> Result<SceneParts, BuildError> {
         let mut uses: HashMap<(u32, u32), u64> = HashMap::new();
         let mut copies = 0;
@@ -199,13 +199,13 @@ pub fn fingerprint(parts: &SceneParts) -> String {
     opsr::files::hex(&digest.finalize())
 }
 
-/// Turns the front of a mesh round.
+/// Swaps the front and the back of a mesh.
 pub fn flip(mesh: &mut Mesh) {
     mesh.indices.iter_mut().for_each(|face| face.swap(1, 2));
     mesh.normals.iter_mut().for_each(|n| *n = -*n);
 }
 
-/// Turns each triangle so that its front is where its vertices' normals point.
+/// Orients each triangle so that its front is the side to which its vertices' normals point.
 pub fn face_normals_outwards(mesh: &mut Mesh) {
     if mesh.normals.len() != mesh.positions.len() {
         return;
@@ -222,8 +222,7 @@ pub fn face_normals_outwards(mesh: &mut Mesh) {
     }
 }
 
-/// Gives a mesh tangents along u that make a right-handed frame with the bitangent, as the normal maps of pbrt and Mitsuba are
-/// meant.
+/// Gives a mesh tangents along u, with a right-handed bitangent: the frame of normal maps in pbrt and Mitsuba.
 pub fn right_handed_tangents(mesh: &mut Mesh) {
     mesh.derive_tangents();
     mesh.tangents.iter_mut().for_each(|t| t.w = 1.0);
@@ -234,7 +233,7 @@ mod tests {
     use super::*;
     use glam::{DMat3, DVec3};
 
-    /// The front of a sphere is outside whatever the pose, mirroring ones among them.
+    /// The front of a sphere stays outside under any pose, also a mirroring one.
     #[test]
     fn builder_keeps_fronts_and_shares_what_is_large() {
         let mut builder = Builder::default();

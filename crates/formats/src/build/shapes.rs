@@ -1,4 +1,4 @@
-//! Shapes as meshes: curved ones fine enough that their outlines are round in any picture, with the exact normals.
+//! Shapes as meshes with exact normals. Curved shapes are fine enough that their outlines look round.
 
 use glam::Quat;
 use opsr::math::{Vec2, Vec3};
@@ -8,7 +8,7 @@ use std::f32::consts::{PI, TAU};
 /// Segments of a full turn.
 const SEGMENTS: u32 = 256;
 
-/// A grid of points over (u, v) in [0, 1]², counter-clockwise seen from where ∂/∂u × ∂/∂v points.
+/// A grid of points over (u, v) in [0, 1]². `point` gives position and normal; the front is where ∂/∂u × ∂/∂v points.
 pub fn grid(columns: u32, rows: u32, point: impl Fn(Vec2) -> (Vec3, Vec3)) -> Mesh {
     let mut mesh = Mesh::default();
     for j in 0..=rows {
@@ -69,21 +69,21 @@ pub fn append(mesh: &mut Mesh, other: &Mesh) {
     mesh.indices.extend(moved);
 }
 
-/// A sphere, poles at ±z, front outside; u by the azimuth from +x, v from the pole at +z. Its triangles lie as much outside of
-/// the sphere as inside.
+/// A sphere, front outside, poles at ±z; u by the azimuth from +x, v from the pole at +z. It is swollen so that its
+/// triangles deviate equally to the outside and the inside.
 pub fn sphere(centre: Vec3, radius: f32) -> Mesh {
     part_of_sphere(centre, radius, [0.0, PI], TAU)
 }
 
-/// The part of a sphere between two angles from +z, up to an azimuth; (u, v) as [`sphere`].
+/// The part of a sphere between two angles from +z and from azimuth 0 to `phi`, in radians; (u, v) as in [`sphere`].
 pub fn part_of_sphere(centre: Vec3, radius: f32, [from, to]: [f32; 2], phi: f32) -> Mesh {
     let columns = ((SEGMENTS as f32 * phi / TAU).ceil() as u32).max(3);
     let rows = ((SEGMENTS as f32 * (to - from) / TAU).ceil() as u32).max(2);
-    // Chords lie inside: what is lost by them is given back, half of the largest distance in either direction.
+    // Chords lie inside the sphere: the larger radius halves the largest deviation.
     let swell = 1.0 / (1.0 - (PI / SEGMENTS as f32).powi(2) / 3.0);
     let mut mesh = grid(columns, rows, |uv| {
         let (theta, phi) = (from + uv.y * (to - from), uv.x * phi);
-        // At the poles all points of a row are one.
+        // At a pole all points of a row coincide exactly.
         let pole = !(1e-6..=PI - 1e-6).contains(&theta);
         let sin = if pole { 0.0 } else { theta.sin() };
         let n = Vec3::new(sin * phi.cos(), sin * phi.sin(), theta.cos());
@@ -93,7 +93,7 @@ pub fn part_of_sphere(centre: Vec3, radius: f32, [from, to]: [f32; 2], phi: f32)
     without_points(mesh)
 }
 
-/// Takes out triangles whose corners meet, as those at a pole.
+/// Removes triangles with coinciding corners, such as those at a pole.
 fn without_points(mut mesh: Mesh) -> Mesh {
     let positions = &mesh.positions;
     mesh.indices.retain(|face| {
@@ -105,7 +105,7 @@ fn without_points(mut mesh: Mesh) -> Mesh {
 
 /// A disk, or ring, in the plane z = `height`, front at +z; u by the radius over the largest, v by the azimuth.
 pub fn disk(height: f32, radius: f32, inner: f32, phi: f32) -> Mesh {
-    // As large as the circle.
+    // The polygon has the area of the circle.
     let swell = (TAU / SEGMENTS as f32 / (TAU / SEGMENTS as f32).sin()).sqrt();
     let rows = ((SEGMENTS as f32 * phi / TAU).ceil() as u32).max(3);
     let mut mesh = grid(1, rows, |uv| {
@@ -137,12 +137,12 @@ pub fn cylinder(radius: f32, [low, high]: [f32; 2], phi: f32) -> Mesh {
 /// Rows of a surface of revolution.
 const ROWS: u32 = 64;
 
-/// The surface of a curve over [0, 1] that turns about z; u by the azimuth, v along the curve.
+/// The surface of revolution of a curve over [0, 1] about z; u by the azimuth, v along the curve.
 pub fn revolved(curve: impl Fn(f32) -> Vec3, phi: f32) -> Mesh {
     let columns = ((SEGMENTS as f32 * phi / TAU).ceil() as u32).max(3);
     without_points(grid(columns, ROWS, |uv| {
         let turn = Quat::from_rotation_z(uv.x * phi);
-        // A point on the axis has the normal beside it.
+        // On the axis the normal is that of a point nearby: there the curve itself gives none.
         let v = uv.y.clamp(1e-3, 1.0 - 1e-3);
         let along = curve(v + 1e-3) - curve(v - 1e-3);
         let normal = Vec3::Z.cross(curve(v)).cross(along).normalize_or_zero();
@@ -156,7 +156,7 @@ const SIDES: u32 = 6;
 /// Bytes that a point of a tube needs.
 pub(crate) const TUBE_BYTES: u64 = (SIDES as u64 + 1) * 32 + 2 * SIDES as u64 * 12;
 
-/// A tube around points, each with its radius, without ends; u along it, v around.
+/// An open tube around points, each with its radius; u along the tube, v around it.
 pub fn tube(points: &[(Vec3, f32)]) -> Mesh {
     let direction = |i: usize| {
         let (before, after) = (i.saturating_sub(1), (i + 1).min(points.len() - 1));
@@ -166,7 +166,7 @@ pub fn tube(points: &[(Vec3, f32)]) -> Mesh {
     let frames: Vec<(Vec3, Vec3)> = (0..points.len())
         .map(|i| {
             let along = direction(i).unwrap_or(Vec3::Z);
-            // Turned as little as the curve allows.
+            // The frame turns as little as the curve allows.
             across = (across - along * along.dot(across))
                 .try_normalize()
                 .unwrap_or(along.any_orthonormal_vector());
@@ -186,7 +186,7 @@ pub fn tube(points: &[(Vec3, f32)]) -> Mesh {
     mesh
 }
 
-/// A bilinear patch with corners at (u, v) = (0, 0), (1, 0), (0, 1) and (1, 1), and the texture coordinates there.
+/// A bilinear patch with corners and their texture coordinates in the order (u, v) = (0, 0), (1, 0), (0, 1) and (1, 1).
 pub fn patch(corners: [Vec3; 4], uvs: [Vec2; 4], normals: Option<[Vec3; 4]>) -> Mesh {
     let [a, b, c, d] = corners;
     let flat = (b - a).cross(c - a).normalize_or_zero();

@@ -1,4 +1,4 @@
-//! Environment maps of other renderers, as our own: another projection, another way up, other places of the texels.
+//! Environment maps of other renderers, resampled to this project's projection and axes.
 
 use glam::{DMat3, DVec3};
 use opsr::image::Buffer;
@@ -13,26 +13,26 @@ use std::f64::consts::{FRAC_PI_4, PI, TAU};
 pub enum Projection {
     /// Mitsuba's: latitude and longitude, the top row at +y and the bottom row at −y, the left edge at −z, bilinear.
     LatLong,
-    /// The same with rows between the poles, as pbrt-v3 has it.
+    /// The same, with texel centres half a row from the poles, as in pbrt-v3.
     LatLongBetween,
-    /// pbrt's: equal areas on an octahedron, each texel of one colour.
+    /// pbrt's: an equal-area octahedral map with constant texels.
     EqualArea,
 }
 
-/// Most rows of a map that is made.
+/// Most rows of a resampled map.
 const MOST: usize = 4096;
 
 /// Samples of each texel along a side.
 const SAMPLES: usize = 3;
 
-/// The environment of a map whose own directions `to_world` takes to the world, multiplied by `factor`.
+/// The environment of a map, multiplied by `factor`. `to_world` takes the map's directions to the world.
 pub fn resampled(
     map: &Buffer,
     projection: Projection,
     to_world: DMat3,
     factor: Rgb,
 ) -> Environment {
-    // Turned texels must keep small suns small.
+    // Twice the rows: a rotated map must not blur small suns.
     let rows = (2 * map.height).clamp(64, MOST);
     let columns = 2 * rows;
     let back = to_world.inverse();
@@ -61,11 +61,11 @@ pub fn resampled(
     Environment::from_map(made, 0.0)
 }
 
-/// Illuminance of Mitsuba's sky, and of its sun, at scales of 1 over this project's: at a turbidity of 3 and a sun 40° high. Mitsuba 3.9 has
-/// Hosek's and Wilkie's sky (`tests/bench/skies_by_mitsuba.py`).
+/// Illuminance of Mitsuba's sky and of its sun over this project's, at scales of 1, a turbidity of 3 and a sun 40°
+/// high. Mitsuba 3.9 has the sky of Hosek and Wilkie (`tests/bench/skies_by_mitsuba.py`).
 const OF_MITSUBA: [f64; 2] = [0.274, 0.4511];
 
-/// A sky around the world's zenith, of scales of sky and sun in Mitsuba's units. It is black below, as there.
+/// A sky around the zenith, with scales of sky and sun in Mitsuba's units. It is black below, as in Mitsuba.
 pub fn around(sun: DVec3, zenith: DVec3, turbidity: f32, scales: [f64; 2]) -> Environment {
     let height = sun.dot(zenith).clamp(0.0, 1.0);
     let front = (sun - zenith * sun.dot(zenith)).try_normalize();
@@ -122,8 +122,8 @@ fn equal_area(map: &Buffer, dir: DVec3) -> Rgb {
     map.pixels[place(v, map.height) * map.width + place(u, map.width)]
 }
 
-/// Illuminance of a map of equal areas on a patch that faces +z in the map's own directions. Equal parts of the square are equal
-/// parts of the sphere; texels of small maps are wide, and are taken by parts.
+/// Illuminance of an equal-area map on a patch that faces +z of the map. Equal areas of the square are equal solid
+/// angles; texels of small maps are wide, so they are integrated in parts.
 pub fn illuminance(map: &Buffer) -> f64 {
     /// Least parts along a side.
     const PARTS: usize = 512;
@@ -135,7 +135,7 @@ pub fn illuminance(map: &Buffer) -> f64 {
     let mut sum = 0.0;
     for y in 0..h {
         for x in 0..w {
-            // The inverse of `square`: z = 1 − r² where r = |x| + |y| is at most 1, which is the upper half.
+            // The inverse of `square`: z = 1 − r², r = |x| + |y|, in the upper half, where r is at most 1.
             let r = away(x, w) + away(y, h);
             let texel = map.pixels[y / rows * map.width + x / columns];
             sum += f64::from(luminance(texel)) * (1.0 - r * r).max(0.0);

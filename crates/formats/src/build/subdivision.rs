@@ -1,16 +1,16 @@
-//! Loop's subdivision of triangle meshes: refined some times, then moved to the limit surface, as pbrt does `[PBRT3 §3.8]`.
+//! Loop's subdivision of triangle meshes: a number of refinements, then the limit surface, as in pbrt `[PBRT3 §3.8]`.
 
 use opsr::math::Vec3;
 use opsr::scene::Mesh;
 use std::f32::consts::{PI, TAU};
 
-/// Neighbours of a vertex, counter-clockwise; from one end of the boundary to the other for a vertex on it.
+/// Neighbours of a vertex, counter-clockwise. Those of a boundary vertex go from one end of the boundary to the other.
 struct Ring {
     around: Vec<u32>,
     open: bool,
 }
 
-/// Third corners of faces by their edges, in the direction of the face: the edges of each vertex lie together, in the order of their ends.
+/// Third corners of faces by their directed edges. The edges of a vertex are contiguous, sorted by their ends.
 struct Corners {
     first: Vec<u32>,
     /// End and third corner.
@@ -29,8 +29,8 @@ impl Corners {
     }
 }
 
-/// The edges of faces, and the rings of all vertices. `None` if two faces have an edge in one direction, or if the faces at a vertex are
-/// not one fan: the mesh is no surface, or its windings differ.
+/// The edges of faces, and the rings of all vertices. `None` if two faces share a directed edge or if the faces at a
+/// vertex are not one fan: the mesh is not a manifold, or its windings differ.
 fn links(count: usize, faces: &[[u32; 3]]) -> Option<(Corners, Vec<Ring>)> {
     let mut first = vec![0u32; count + 1];
     for &v in faces.as_flattened() {
@@ -61,7 +61,7 @@ fn links(count: usize, faces: &[[u32; 3]]) -> Option<(Corners, Vec<Ring>)> {
     let ring = |(v, &(start, faces)): (usize, &(u32, usize))| {
         let v = v as u32;
         let (mut around, mut at, mut open) = (Vec::new(), start, faces == 0);
-        // Clockwise to the end of a boundary, or once around.
+        // Clockwise to the start of the ring: the end of a boundary, or any neighbour of an inner vertex.
         for _ in 0..faces {
             match corners.get(at, v) {
                 Some(before) => at = before,
@@ -76,7 +76,7 @@ fn links(count: usize, faces: &[[u32; 3]]) -> Option<(Corners, Vec<Ring>)> {
         if open && faces > 0 {
             around.push(at);
         }
-        // Faces of another fan were not met.
+        // A ring that closes early misses the faces of another fan.
         let whole = open || (at == begin && around[1..].iter().all(|&other| other != begin));
         whole.then_some(Ring { around, open })
     };
@@ -84,7 +84,7 @@ fn links(count: usize, faces: &[[u32; 3]]) -> Option<(Corners, Vec<Ring>)> {
     Some((corners, rings?))
 }
 
-/// A vertex among its neighbours: (1 − n β) v + β Σ pᵢ, on a boundary of those along it alone.
+/// A vertex averaged with its neighbours: (1 − n β) v + β Σ pᵢ. At a boundary only the neighbours along it count.
 fn among(points: &[Vec3], v: usize, ring: &Ring, inner: impl Fn(f32) -> f32, edge: f32) -> Vec3 {
     let p = points[v];
     let at = |i: &u32| points[*i as usize];
@@ -99,13 +99,13 @@ fn among(points: &[Vec3], v: usize, ring: &Ring, inner: impl Fn(f32) -> f32, edg
     }
 }
 
-/// Warren's weight of a neighbour: 3/16 at three of them, 1/16 at six.
+/// Warren's weight of each of n neighbours: 3/16 for n = 3, 1/16 for n = 6.
 fn beta(n: f32) -> f32 {
     let n = if n == 3.0 { 2.0 } else { n };
     3.0 / (8.0 * n)
 }
 
-/// Points and faces of the next level.
+/// Points and faces after one refinement.
 fn refined(
     points: &[Vec3],
     faces: &[[u32; 3]],
@@ -116,7 +116,7 @@ fn refined(
     let mut next: Vec<Vec3> = even
         .map(|(v, ring)| among(points, v, ring, beta, 0.125))
         .collect();
-    // By either direction of an edge.
+    // New vertices by either direction of their edge.
     let mut middles = vec![u32::MAX; corners.edges.len()];
     let mut middle = |a: u32, b: u32, c: u32| {
         let (at, back) = (corners.place(a, b), corners.place(b, a));
@@ -142,7 +142,7 @@ fn refined(
     (next, out)
 }
 
-/// The normal of the limit surface, away from the side on which the faces are counter-clockwise, as pbrt has it.
+/// The normal of the limit surface. It points away from the side on which the faces are counter-clockwise, as in pbrt.
 fn normal(points: &[Vec3], v: usize, ring: &Ring) -> Vec3 {
     let relative = |&i: &u32| points[i as usize] - points[v];
     let around: Vec<Vec3> = ring.around.iter().map(relative).collect();
@@ -166,8 +166,8 @@ fn normal(points: &[Vec3], v: usize, ring: &Ring) -> Vec3 {
     t.cross(s).normalize_or_zero()
 }
 
-/// The positions and faces of a mesh, refined `levels` times, with its vertices and normals on the limit surface. `None` if it is no
-/// surface of one winding.
+/// A mesh refined `levels` times, with its vertices and normals on the limit surface. `None` if it is not a manifold of
+/// one winding.
 pub fn subdivided(mesh: &Mesh, levels: u32) -> Option<Mesh> {
     let (mut points, mut faces) = (mesh.positions.clone(), mesh.indices.clone());
     let (mut corners, mut rings) = links(points.len(), &faces)?;

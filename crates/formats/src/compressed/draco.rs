@@ -1,4 +1,4 @@
-//! `KHR_draco_mesh_compression`: primitives whose corners and attributes are a Draco stream.
+//! `KHR_draco_mesh_compression`: primitives with indices and attributes in a Draco stream.
 
 use super::{append, bytes, number};
 use draco_core::{
@@ -15,13 +15,13 @@ use std::collections::HashMap;
 
 pub(super) const EXTENSION: &str = "KHR_draco_mesh_compression";
 
-/// Most points, or faces, of a primitive.
+/// Most points, and most faces, of a primitive.
 const MOST: u64 = 1 << 26;
 
-/// Accessors that a stream has filled, by the view of the stream.
+/// Accessors that are already filled, each with the buffer view of its Draco stream.
 type Filled = HashMap<usize, u64>;
 
-/// Gives primitives that are compressed alone plain accessors. Those whose accessors have data stay as they are: files may have both.
+/// Fills accessors that only a Draco stream has data for. Files may have both; accessors with data stay as they are.
 pub(super) fn unpack(root: &mut Root, buffers: &mut Buffers<'_>) -> Result<()> {
     let mut filled = Filled::new();
     for m in 0..root.meshes.len() {
@@ -38,7 +38,7 @@ pub(super) fn unpack(root: &mut Root, buffers: &mut Buffers<'_>) -> Result<()> {
             };
             let stream = number(&packed, "bufferView", None, &at)?;
             let used = (primitive.attributes.values().copied()).chain(primitive.indices);
-            // Without data, or with another stream's. Primitives that differ in their material may share one stream.
+            // True if it has no data, or another stream's. Primitives with different materials may share a stream.
             let empty = |index: Index<Accessor>| match filled.get(&index.value()) {
                 Some(by) => *by != stream,
                 None => {
@@ -135,14 +135,14 @@ fn fill(
     Ok(())
 }
 
-/// Decodes a stream, of at most twice the points and corners that the file says: seams of attributes split points.
+/// Decodes a stream, of at most twice the declared points and corners: seams of attributes split points.
 fn decoded(source: &[u8], points: u64, corners: u64, attributes: u64, at: &str) -> Result<Mesh> {
     let twice = |n: u64| n.saturating_mul(2).saturating_add(1024);
     let (points, faces) = (twice(points), twice(corners / 3));
     if points > MOST || faces > MOST {
         return Err(fault(at, format!("more than {MOST} points or faces")));
     }
-    // Four numbers an attribute, decoded and once more in the decoder, and tables of corners.
+    // Four numbers per attribute, in the output and in the decoder, and tables of corners.
     let needed = points * 32 * (attributes + 1) + faces * 100;
     opsr::memory::check(format!("the points and faces of {at}"), needed)?;
     let limits = DecodeLimits::default()
@@ -189,7 +189,7 @@ fn of_attribute(
     })
 }
 
-/// Gives an accessor its data; a copy of it where another stream has filled it.
+/// Gives an accessor its data and returns its index; copies the accessor if another stream has filled it.
 fn given(
     root: &mut Root,
     buffers: &mut Buffers<'_>,
@@ -227,7 +227,7 @@ fn given(
     Ok(Index::new(to as u32))
 }
 
-/// The values of all points in an accessor's type; `None` if the attribute has fewer components, or a point no value.
+/// The values of all points in an accessor's type; `None` with too few components, or a point without value.
 fn values(
     attribute: &PointAttribute,
     points: usize,
@@ -253,7 +253,7 @@ fn values(
     Some(out)
 }
 
-/// A number of a stream. All types but those of 64 bits, which glTF has not, are exact.
+/// A number of a stream. All types are exact except the 64-bit integers, which glTF does not have.
 fn scalar(kind: DataType, b: &[u8]) -> Option<f64> {
     Some(match kind {
         DataType::Int8 => f64::from(b[0] as i8),
@@ -270,7 +270,7 @@ fn scalar(kind: DataType, b: &[u8]) -> Option<f64> {
     })
 }
 
-/// Appends a number in an accessor's type.
+/// Appends a number, converted to an accessor's type.
 fn put(value: f64, component: ComponentType, out: &mut Vec<u8>) {
     match component {
         ComponentType::I8 => out.extend((value as i8).to_le_bytes()),

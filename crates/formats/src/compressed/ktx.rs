@@ -1,7 +1,7 @@
-//! `KHR_texture_basisu`: KTX2 files of Basis Universal, ETC1S and UASTC, the latter packed by Zstandard or not.
+//! `KHR_texture_basisu`: KTX2 files of Basis Universal, ETC1S and UASTC; UASTC may be compressed by Zstandard.
 //!
-//! The crate `basisu` trusts lengths of a file's header: damaged ones make it allocate hundreds of gigabytes, or panic. So the header is
-//! checked here, by the KTX file format 2.0 [Khronos], and the crate reads a copy without what glTF does not use.
+//! The crate `basisu` trusts the lengths in a file's header: damaged ones make it allocate hundreds of gigabytes, or
+//! panic. So they are checked here (KTX file format 2.0 [Khronos]), and the crate reads a copy without metadata.
 
 use opsr::scene::load::codecs::ImageCodec;
 use opsr::scene::load::error::{Result, fault};
@@ -9,23 +9,23 @@ use std::panic::catch_unwind;
 
 pub(super) const CODEC: ImageCodec = ImageCodec { size, texels };
 
-/// Most texels of a side.
+/// Most texels along a side.
 const MOST_SIDE: u32 = 1 << 15;
 
 /// Bytes of a block of 4 × 4 texels in UASTC.
 const BLOCK: u64 = 16;
 
-/// Bytes of the header before its table of levels, and of a level in it.
+/// Bytes of the header before its table of levels, and of an entry of this table.
 const HEADER: usize = 80;
 const LEVEL: usize = 24;
 
-/// Width and height; `None` for another format than KTX2, or a file that ends within its header.
+/// Width and height in texels; `None` for a file of another format or one that ends within its header.
 fn size(bytes: &[u8]) -> Option<[u32; 2]> {
     let whole = bytes.starts_with(b"\xabKTX 20\xbb\r\n\x1a\n") && bytes.len() >= HEADER + LEVEL;
     whole.then(|| [word(bytes, 20), word(bytes, 24)])
 }
 
-/// Four bytes; 0 past the end.
+/// A little-endian word of four bytes; 0 past the end.
 fn word(bytes: &[u8], at: usize) -> u32 {
     let four = bytes.get(at..).and_then(|rest| rest.first_chunk());
     four.map_or(0, |four| u32::from_le_bytes(*four))
@@ -35,7 +35,7 @@ fn long(bytes: &[u8], at: usize) -> u64 {
     u64::from(word(bytes, at)) | u64::from(word(bytes, at + 4)) << 32
 }
 
-/// The finest level.
+/// RGBA texels of the finest level, eight bits per channel.
 fn texels(bytes: &[u8], at: &str) -> Result<Vec<u8>> {
     let bad = |what: String| fault(at, format!("KTX2: {what}"));
     let small = checked(bytes).map_err(bad)?;
@@ -44,7 +44,7 @@ fn texels(bytes: &[u8], at: &str) -> Result<Vec<u8>> {
         (image.transcode(0, basisu::TargetFormat::Rgba32, basisu::DecodeFlags::NONE))
             .map_err(|e| format!("{e:?}"))
     };
-    // A crate of one author and one version: a panic of it is an error of the file.
+    // A panic of this young crate becomes an error of the file.
     let done = catch_unwind(decode).unwrap_or_else(|_| Err("the decoder failed".into()));
     let texels = done.map_err(|what| bad(format!("cannot be decoded: {what}")))?;
     let (width, height) = (word(&small, 20), word(&small, 24));
@@ -54,7 +54,7 @@ fn texels(bytes: &[u8], at: &str) -> Result<Vec<u8>> {
     }
 }
 
-/// The file with what glTF does not use left out, if its lengths are possible.
+/// A copy of the file without metadata, if its lengths are possible.
 fn checked(bytes: &[u8]) -> std::result::Result<Vec<u8>, String> {
     let (width, height) = (word(bytes, 20), word(bytes, 24));
     let (depth, layers, faces) = (word(bytes, 28), word(bytes, 32), word(bytes, 36));
@@ -70,9 +70,9 @@ fn checked(bytes: &[u8]) -> std::result::Result<Vec<u8>, String> {
     let (start, length, plain) = (long(bytes, 80), long(bytes, 88), long(bytes, 96));
     let blocks = u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4)) * BLOCK;
     let right = match packed {
-        // ETC1S: the tables of all levels stand in one place.
+        // ETC1S: one table for all levels.
         1 => within(long(bytes, 64), long(bytes, 72)),
-        // UASTC as it is, and packed by Zstandard.
+        // UASTC, uncompressed and compressed by Zstandard.
         0 => length == blocks,
         2 => plain == blocks,
         _ => return Err(format!("supercompression {packed} is not of glTF")),
@@ -83,7 +83,7 @@ fn checked(bytes: &[u8]) -> std::result::Result<Vec<u8>, String> {
     if word(bytes, 12) != 0 {
         return Err("no Basis Universal".into());
     }
-    // Keys and values, of which none matters here.
+    // Removes the key/value data, which is not used.
     let mut copy = bytes.to_vec();
     copy[56..64].fill(0);
     Ok(copy)

@@ -1,6 +1,6 @@
-//! `EXT_meshopt_compression` and its successor `KHR_meshopt_compression` [Khronos, text of the extension; appendix A has the bit stream,
-//! appendix B the filters]. The crate `meshopt` binds the C++ library, which a Rust toolchain alone cannot build; a port in Rust ends
-//! before version 1 of the stream.
+//! `EXT_meshopt_compression` and its successor `KHR_meshopt_compression` [Khronos, text of the extension; appendix A
+//! has the bit stream, appendix B the filters]. The crate `meshopt` binds the C++ library and so needs more than a Rust
+//! toolchain; a port in Rust lacks version 1 of the stream.
 
 use super::{bytes, number};
 use gltf::json::{Index, Root};
@@ -15,10 +15,10 @@ const MOST: u64 = 1 << 28;
 /// Most bytes of a vertex.
 const MOST_STRIDE: usize = 256;
 
-/// Elements of a group of deltas.
+/// Elements in a group of deltas.
 const GROUP: usize = 16;
 
-/// Entries of the two queues of triangles.
+/// Entries of the queues of edges and of vertices.
 const QUEUE: usize = 16;
 
 /// Replaces the compressed views of a file by plain ones.
@@ -106,7 +106,7 @@ fn decoded(packed: &Map<String, Value>, buffers: &Buffers<'_>, at: &str) -> Resu
     }
 }
 
-/// Bytes that are read from the front.
+/// The rest of a byte stream.
 struct Stream<'a>(&'a [u8]);
 
 impl<'a> Stream<'a> {
@@ -134,7 +134,7 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// The difference of an unsigned number whose lowest bit is the sign.
+/// The signed difference encoded by an unsigned number whose lowest bit is the sign.
 fn unzigzag(v: u32) -> u32 {
     match v & 1 {
         0 => v >> 1,
@@ -142,7 +142,7 @@ fn unzigzag(v: u32) -> u32 {
     }
 }
 
-/// Elements of mode 0.
+/// Attributes (mode 0): `count` elements of `stride` bytes.
 pub(super) fn attributes(source: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     let mut stream = Stream(source);
     let is_version_1 = match stream.byte()? {
@@ -197,7 +197,7 @@ pub(super) fn attributes(source: &[u8], count: usize, stride: usize) -> Option<V
     stream.0.is_empty().then_some(out)
 }
 
-/// Four bytes of an element: those of the one before, and differences as the mode of the channel has them.
+/// Four bytes of an element: the previous element's plus the differences, decoded by the mode of the channel.
 fn added(before: [u8; 4], delta: [u8; 4], mode: u8) -> [u8; 4] {
     match mode & 15 {
         0 => std::array::from_fn(|b| before[b].wrapping_add(unzigzag(delta[b].into()) as u8)),
@@ -212,14 +212,14 @@ fn added(before: [u8; 4], delta: [u8; 4], mode: u8) -> [u8; 4] {
             [low[0], low[1], high[0], high[1]]
         }
         _ => {
-            // The encoder turns to the left.
+            // The encoder rotates to the left.
             let turned = u32::from_le_bytes(delta).rotate_right((mode >> 4).into());
             (u32::from_le_bytes(before) ^ turned).to_le_bytes()
         }
     }
 }
 
-/// Differences of one byte of the elements of a block, in groups whose bits a header says.
+/// Differences of one byte of the elements of a block, in groups. A header gives the bits per difference of each group.
 fn groups(
     stream: &mut Stream<'_>,
     out: &mut [u8],
@@ -239,7 +239,7 @@ fn groups(
         let each = 8 / bits;
         let sentinel = (1u8 << bits) - 1;
         for (i, delta) in group.iter_mut().enumerate() {
-            // Single bits stand from the lowest one up, pairs and fours from the highest down.
+            // Single bits are packed from the lowest bit up, pairs and fours from the highest down.
             let shift = match bits {
                 1 => i % each,
                 _ => (each - 1 - i % each) * bits,
@@ -280,7 +280,6 @@ impl<T: Copy> Queue<T> {
     }
 }
 
-/// State of the decoder of triangles.
 struct Triangles<'a> {
     data: Stream<'a>,
     next: u32,
@@ -300,7 +299,7 @@ impl Triangles<'_> {
         Some(self.last)
     }
 
-    /// A corner by four bits: the next new vertex, one of the last, or one that is written out where `explicit` says so.
+    /// A corner by its four-bit code: 0 is a new vertex, 15 an explicit index if `explicit`, others are queued.
     fn corner(&mut self, code: u8, explicit: bool) -> Option<u32> {
         match code {
             0 => Some(self.fresh()),
@@ -310,7 +309,7 @@ impl Triangles<'_> {
     }
 }
 
-/// Corners of mode 1.
+/// Triangle indices (mode 1).
 pub(super) fn triangles(source: &[u8], count: usize) -> Option<Vec<u32>> {
     let mut stream = Stream(source);
     if stream.byte()? != 0xe1 {
@@ -382,7 +381,7 @@ pub(super) fn triangles(source: &[u8], count: usize) -> Option<Vec<u32>> {
     state.data.0.is_empty().then_some(out)
 }
 
-/// Indices of mode 2.
+/// Index sequences (mode 2).
 pub(super) fn sequence(source: &[u8], count: usize) -> Option<Vec<u32>> {
     let mut stream = Stream(source.split_last_chunk::<4>()?.0);
     if stream.byte()? != 0xd1 {
@@ -423,7 +422,7 @@ fn byte(v: u8) -> i32 {
     i32::from(v as i8)
 }
 
-/// A unit vector in octahedral form; the third number is 1 in as many bits as the first two have, the fourth is kept.
+/// A unit vector in octahedral form. The third number is 1 at the precision of the first two; the fourth is kept.
 fn octahedral(v: [i32; 4], most: f32) -> [i32; 4] {
     let one = v[2] as f32;
     let (x, y) = (v[0] as f32 / one, v[1] as f32 / one);
@@ -435,7 +434,7 @@ fn octahedral(v: [i32; 4], most: f32) -> [i32; 4] {
     [rounded(x), rounded(y), rounded(z), v[3]]
 }
 
-/// A unit quaternion without its largest component, whose number is the last two bits of the fourth; the rest of that is 1.
+/// A unit quaternion without its largest component, whose index is `v[3] & 3`; `v[3] | 3` stands for 1.
 fn quaternion(v: [i32; 4]) -> [i32; 4] {
     let scale = std::f32::consts::FRAC_1_SQRT_2 / (v[3] | 3) as f32;
     let [x, y, z] = [v[0], v[1], v[2]].map(|c| c as f32 * scale);
@@ -448,14 +447,14 @@ fn quaternion(v: [i32; 4]) -> [i32; 4] {
     out
 }
 
-/// A float of 24 bits of mantissa and 8 bits of exponent.
+/// A float with a mantissa of 24 bits and an exponent of 8 bits.
 fn exponential(v: [u8; 4]) -> [u8; 4] {
     let bits = i32::from_le_bytes(v);
     let mantissa = f64::from((bits << 8) >> 8);
     ((mantissa * f64::from(bits >> 24).exp2()) as f32).to_le_bytes()
 }
 
-/// Red, green, blue and opacity of luma, two chromas and an opacity whose highest bit says how many bits all have.
+/// RGBA of luma, two chromas and an opacity. The highest set bit of the opacity gives the bits per channel.
 fn color([y, orange, green, opacity]: [i32; 4], most: f32) -> [i32; 4] {
     let bits = 32 - opacity.leading_zeros();
     let all = ((1i64 << bits) - 1) as i32;

@@ -1,5 +1,5 @@
-//! Decoders of glTF's compression: meshopt by the text of its extension, Draco and Basis Universal by crates. Each extension gives plain
-//! views, primitives or texels; the loader reads what comes out as it reads any file.
+//! Decoders of glTF's compression: meshopt after the text of its extension, Draco and Basis Universal by crates. They
+//! produce plain buffer views, accessors or texels, which the loader then reads as usual.
 
 mod draco;
 mod ktx;
@@ -14,7 +14,7 @@ use opsr::scene::load::error::{Result, fault};
 use serde_json::{Map, Value, json};
 use std::borrow::Cow;
 
-/// Decoders of all of them, for [`Formats::codecs`](opsr::scene::load::Formats::codecs).
+/// All decoders, for [`Formats::codecs`](opsr::scene::load::Formats::codecs).
 pub(super) const CODECS: &[Codec] = &[
     Codec {
         extension: "EXT_meshopt_compression",
@@ -38,7 +38,7 @@ pub(super) const CODECS: &[Codec] = &[
     },
 ];
 
-/// A whole number of an extension; `default` where it is missing.
+/// A whole number of an extension; `default` if it is missing.
 fn number(object: &Map<String, Value>, name: &str, default: Option<u64>, at: &str) -> Result<u64> {
     match object.get(name) {
         None => default.ok_or_else(|| fault(at, format!("`{name}` is missing"))),
@@ -47,7 +47,7 @@ fn number(object: &Map<String, Value>, name: &str, default: Option<u64>, at: &st
     }
 }
 
-/// Bytes of a buffer.
+/// A range of bytes of a buffer.
 fn bytes<'b>(
     buffers: &'b Buffers<'_>,
     buffer: u64,
@@ -68,7 +68,7 @@ fn bytes<'b>(
     })
 }
 
-/// Appends bytes as a buffer with a view of all of it; the number of the view.
+/// Appends bytes as a new buffer with a view of all of it; returns the index of the view.
 fn append(root: &mut Root, buffers: &mut Buffers<'_>, made: Vec<u8>, at: &str) -> Result<usize> {
     let view = json!({ "buffer": buffers.len(), "byteLength": made.len() });
     let view: View =

@@ -1,4 +1,4 @@
-//! Streams of meshoptimizer 1.0's own encoder that no file of `tests/data/compressed` has.
+//! Streams by the encoder of meshoptimizer 1.0 whose kinds do not occur in the files of `tests/data/compressed`.
 
 use super::meshopt::{attributes, sequence, triangles};
 
@@ -27,7 +27,7 @@ fn channels_of_turned_differences_are_decoded() {
         .map(|v| f32::from_le_bytes(*v));
     let meant = (0..40).map(|i| (i * i % 7) as f32 * 0.125 + 64.0);
     assert_eq!(values.collect::<Vec<_>>(), meant.collect::<Vec<f32>>());
-    // Channels of unknown kinds, and streams of another length.
+    // Channels of unknown modes, and streams of wrong lengths.
     for mode in [0x03, 0x10, 0x21, 0xff] {
         let mut other = stream.clone();
         *other.last_mut().expect("bytes") = mode;
@@ -48,24 +48,24 @@ fn sequences_of_indices_are_decoded() {
     assert_eq!(sequence(&stream[..4], 0), None);
 }
 
-/// Triangles of all codes, by the text of the extension: a fresh one, one at an edge with a fresh, a known, the next, the one before and a
-/// written vertex, and those that are written out.
+/// Triangles of all codes, after the text of the extension: new triangles, triangles at an edge with each kind of third
+/// vertex, and explicit ones.
 #[test]
 fn triangles_of_every_code_are_decoded() {
     let table = [0u8; 16];
     let stream = |codes: &[u8], data: &[u8]| [&[0xe1], codes, data, &table].concat();
     for (codes, data, meant) in [
-        // Three fresh vertices; then one more at the newest edge (0, 2).
+        // Three new vertices; then a fourth at the newest edge (0, 2).
         (&[0xf0, 0x00][..], &[][..], vec![0, 1, 2, 0, 2, 3]),
-        // At the edge (2, 1) before it: vertex 0, the third of the queue.
+        // Vertex 0, the third of the queue, at the edge (2, 1).
         (&[0xf0, 0x12], &[], vec![0, 1, 2, 2, 1, 0]),
-        // Written out: 40 more than the last, then the ones after and before it.
+        // An explicit vertex, 40 more than the last; then the vertices after and before it.
         (
             &[0xf0, 0x0f, 0x0e, 0x0d],
             &[80],
             vec![0, 1, 2, 0, 2, 40, 0, 40, 41, 0, 41, 40],
         ),
-        // All three, after a restart.
+        // All three corners explicit, after a restart.
         (&[0xf0, 0xfe], &[0], vec![0, 1, 2, 0, 1, 2]),
         (&[0xf0, 0xff], &[0xf1, 20, 4], vec![0, 1, 2, 10, 12, 2]),
     ] {
@@ -80,7 +80,7 @@ fn triangles_of_every_code_are_decoded() {
             None
         );
     }
-    // An edge that nothing has written, a table of codes that there are not, and another mark.
+    // An edge that was never written, a code that does not exist, a table of invalid codes, and a wrong first byte.
     assert_eq!(triangles(&stream(&[0x00], &[]), 3), None);
     assert_eq!(triangles(&stream(&[0xf0, 0x50], &[]), 6), None);
     assert_eq!(

@@ -11,7 +11,7 @@ use opsr::scene::Material;
 use opsr::scene::finish::Anisotropy;
 use opsr::scene::load::error::{Result, fault};
 
-/// Least roughness of a rough material: below it Mitsuba's are mirrors too.
+/// Least roughness of a rough material: below it Mitsuba's materials are mirrors, too.
 const LEAST_ALPHA: f64 = 1e-4;
 
 impl Scene<'_> {
@@ -96,7 +96,7 @@ impl Scene<'_> {
         Ok(material.into())
     }
 
-    /// The one BSDF in another.
+    /// The BSDFs inside a BSDF.
     fn nested(&mut self, bsdf: &Object) -> Result<Vec<Look>> {
         let inner = self.children(bsdf, &["bsdf"])?;
         inner.iter().map(|(_, inner)| self.look(inner)).collect()
@@ -178,7 +178,7 @@ impl Scene<'_> {
         Ok(Look { material, bump })
     }
 
-    /// A surface under a clear layer.
+    /// A surface under a clear layer, shown as a clear coat.
     fn coating(&mut self, bsdf: &Object) -> Result<Look> {
         let mut look = self.only(bsdf)?;
         let what = format!("`{}` is shown as glTF's clear coat", bsdf.plugin);
@@ -194,7 +194,7 @@ impl Scene<'_> {
         Ok(look)
     }
 
-    /// Lobes of Phong and of Ward over a diffuse surface, as microfacets of the same width.
+    /// Phong's and Ward's lobes over a diffuse surface, as microfacets of the same width.
     fn lobe(&mut self, bsdf: &Object) -> Result<Material> {
         let what = format!(
             "`{}` is shown as microfacets on a diffuse surface",
@@ -221,7 +221,7 @@ impl Scene<'_> {
         })
     }
 
-    /// Index of a property that is a number or a name.
+    /// The index of refraction of a property that is a number or a name.
     fn index(&mut self, bsdf: &Object, name: &str, or: &str) -> Result<f32> {
         let text = match bsdf.property(name).map(|p| &p.value) {
             Some(Value::Text(text)) => text.clone(),
@@ -241,7 +241,7 @@ impl Scene<'_> {
         checked_index(eta, &bsdf.place)
     }
 
-    /// Roughness and distribution; the roughness of a map is put into the material.
+    /// Sets roughness and distribution of a material; a textured roughness becomes its roughness map.
     fn rough(&mut self, bsdf: &Object, material: &mut Material) -> Result<()> {
         if !bsdf.plugin.starts_with("rough") && bsdf.plugin != "pplastic" {
             return Ok(());
@@ -287,7 +287,7 @@ impl Scene<'_> {
         if u != v {
             let mean = (u * v).sqrt() as f32;
             if material.metallic == 1.0 {
-                // Strength s gives α + (1 − α) s² along.
+                // A strength s makes the larger roughness α + (1 − α) s².
                 let least = u.min(v);
                 material.finish_mut().anisotropy = Some(Anisotropy {
                     strength: ((u.max(v) - least) / (1.0 - least)).sqrt() as f32,
@@ -329,7 +329,7 @@ impl Scene<'_> {
                 looks::metal(eta / outside, k / outside, tint, 0.0)
             }
             name => {
-                // Mitsuba 3 has no metal by default: a perfect mirror; its predecessor had copper.
+                // Without a name Mitsuba 3 has a perfect mirror; its predecessor had copper.
                 let Some(name) = name else {
                     let mut mirror = looks::metal(Rgb::ZERO, Rgb::ONE, tint, 0.0);
                     self.rough(bsdf, &mut mirror)?;
@@ -378,7 +378,7 @@ impl Scene<'_> {
         Ok(material)
     }
 
-    /// Disney's model by that of glTF, which has most of its parts.
+    /// Disney's model, by that of glTF, which has most of its parts.
     fn principled(&mut self, bsdf: &Object) -> Result<Material> {
         self.context.approximate(
             &bsdf.place,

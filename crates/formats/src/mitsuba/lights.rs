@@ -12,7 +12,7 @@ use opsr::scene::load::error::{Result, fault};
 use opsr::scene::{Camera, Environment, FilmSize, Lens, Projection, PunctualLight};
 use std::f32::consts::PI;
 
-/// Irradiance of Mitsuba's sun across its beam at a scale of 1, at a turbidity of 3 and a sun 40° high (`skies_by_mitsuba.py`).
+/// Irradiance perpendicular to Mitsuba's sun at scale 1, turbidity 3 and a height of 40° (`skies_by_mitsuba.py`).
 const SUN: Rgb = Rgb::new(1.446, 1.175, 0.845);
 
 impl Scene<'_> {
@@ -80,7 +80,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// Sun and sky, by the model of this project.
+    /// Sun and sky, by this project's model.
     fn sky(&mut self, emitter: &Object, pose: &DAffine3) -> Result<()> {
         let place = &emitter.place;
         let what = format!("`{}` is shown by Preetham's model", emitter.plugin);
@@ -139,7 +139,7 @@ impl Scene<'_> {
         })
     }
 
-    /// A projector as a spot of its mean and of its picture's area: on a plane before it, each has π times `irradiance`.
+    /// A projector as a spot light of its mean and its image's area: on a plane in front each has π times `irradiance`.
     fn projector(
         &mut self,
         emitter: &Object,
@@ -190,14 +190,14 @@ impl Scene<'_> {
             },
         };
         let aspect = film.size.x as f32 / film.size.y as f32;
-        // In widths and heights of the film, to the right and down.
+        // Offsets in widths and heights of the film, to the right and down.
         let right = sensor.number("principal_point_offset_x", 0.0)? as f32;
         let down = sensor.number("principal_point_offset_y", 0.0)? as f32;
         let shift = 2.0 * Vec2::new(right * aspect, -down);
         if !shift.is_finite() {
             return Err(fault(place, "a principal point that is not finite"));
         }
-        // Mitsuba's own are 0.01 and 10,000.
+        // Mitsuba's defaults are 0.01 and 10,000.
         if sensor.number("near_clip", 0.0)? > 0.01 || sensor.number("far_clip", 1e9)? < 10_000.0 {
             let what = "`near_clip` and `far_clip` are not taken: all is seen";
             self.context.approximate(place, what);
@@ -282,11 +282,11 @@ impl Scene<'_> {
                 let length = number.filter(|f| *f > 0.0);
                 Some(length.ok_or_else(|| fault(place, "focal_length is no length"))?)
             }
-            // Mitsuba's default.
+            // Mitsuba's default, without either property.
             _ => sensor.property("fov").is_none().then_some(50.0),
         };
         if let Some(focal) = focal {
-            // The diagonal of a film of 36 by 24 mm.
+            // Half the diagonal of a film of 36 by 24 mm, over the focal length.
             let half_diagonal = 0.5 * 36f64.hypot(24.0) / focal;
             return Ok((half_diagonal / aspect.hypot(1.0)) as f32);
         }
@@ -309,7 +309,7 @@ impl Scene<'_> {
     }
 }
 
-/// The frame of a sensor that looks along +z with +x to its left. A mirroring pose mirrors the picture.
+/// The frame of a sensor that looks along +z, with +x to its left. A mirroring pose mirrors the image.
 fn frame(pose: &DAffine3) -> Option<Frame> {
     let m = pose.matrix3;
     let n = -m.z_axis.try_normalize()?;

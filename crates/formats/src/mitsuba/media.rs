@@ -9,7 +9,7 @@ use opsr::scene::Medium;
 use opsr::scene::load::error::{Result, fault};
 use std::rc::Rc;
 
-/// The mean cosine of values at even steps of the cosine from −1 to 1, linear between them.
+/// Mean cosine of a tabulated phase function, linear between even steps of the cosine from −1 to 1. `None` if invalid.
 fn mean_of_table(values: &[f64]) -> Option<f64> {
     let step = 2.0 / values.len().checked_sub(1).filter(|n| *n > 0)? as f64;
     let (mut sum, mut all) = (0.0, 0.0);
@@ -23,7 +23,7 @@ fn mean_of_table(values: &[f64]) -> Option<f64> {
 }
 
 impl Scene<'_> {
-    /// Media inside and outside of a shape, or around a sensor.
+    /// Media inside and outside of a shape; the second is also that around a sensor.
     pub(super) fn sides(&mut self, object: &Object) -> Result<[Named; 2]> {
         let mut sides = [None; 2];
         for (name, medium) in self.children(object, &["medium"])? {
@@ -49,7 +49,7 @@ impl Scene<'_> {
         Ok(named)
     }
 
-    /// The mean cosine of a phase function, by which it is shown.
+    /// The mean cosine by which a phase function is approximated.
     fn mean_cosine(&mut self, phase: &Rc<Object>) -> Result<f64> {
         let shown = "Henyey's and Greenstein's of its mean cosine";
         let what = format!("phase function `{}`", phase.plugin);

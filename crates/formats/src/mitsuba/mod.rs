@@ -1,4 +1,4 @@
-//! Scenes of Mitsuba 3 (`.xml`), and of Mitsuba 0.5 and 0.6, which it upgrades.
+//! Scenes of Mitsuba 3 (`.xml`), and of Mitsuba 0.5 and 0.6, whose files are upgraded as Mitsuba 3 does.
 
 mod bsdfs;
 mod lights;
@@ -23,17 +23,17 @@ struct Scene<'a> {
     ids: Ids,
     /// True for a file of version 0.5 or 0.6.
     is_old: bool,
-    /// True if the material that is being read has the colours of its mesh.
+    /// True if the material being read uses the colours of its mesh.
     painted: bool,
-    /// Looks by the address of their object.
+    /// Materials by the address of their object.
     looks: HashMap<usize, Look>,
-    /// Grey textures of coloured ones, by texture and factor: factor and texture.
+    /// Grey versions of textures, by texture and factor: factor and texture.
     greys: HashMap<(u32, [u32; 3]), (f32, u32)>,
     /// Media by the address of their object.
     media: HashMap<usize, Named>,
-    /// Objects that are being read: a reference to one of them is a cycle.
+    /// Objects being read: a reference to one of them is a cycle.
     open: Vec<usize>,
-    /// Groups of shapes by address.
+    /// Members of groups of shapes, by address.
     groups: HashMap<usize, Rc<Vec<Member>>>,
 }
 
@@ -67,20 +67,19 @@ impl Scene<'_> {
             "shape" => self.shape(&object),
             "emitter" | "luminaire" => self.emitter(&object),
             "integrator" => self.integrator(&object),
-            // Media and volumes count where they are used.
             "subsurface" => self.context.left_out(
                 &object.place,
                 format!("<{} type=\"{}\">", object.tag, object.plugin),
             ),
-            // Materials and textures count where they are used; samplers and films are the render's.
+            // Materials, textures, media and volumes are read where they are used; samplers and films do not apply.
             _ => Ok(()),
         }
     }
 
-    /// Names what an integrator does to the picture that the render's own does not.
+    /// Warns of settings of the integrator that change the picture and are ignored.
     fn integrator(&mut self, integrator: &Object) -> Result<()> {
         let place = &integrator.place;
-        // Edges of a path from light to camera, one more than its scattering vertices; −1 for any number.
+        // Edges of a path from light to camera, one more than its scattering vertices; −1 is unlimited.
         let depth = integrator.number("max_depth", -1.0)?;
         if depth >= 0.0 {
             self.context
@@ -102,7 +101,7 @@ impl Scene<'_> {
         }
     }
 
-    /// Children of a tag, with their names.
+    /// The children of some tags, with their names.
     fn children(&self, object: &Object, tags: &[&str]) -> Result<Vec<(String, Rc<Object>)>> {
         let mut out = Vec::new();
         for child in &object.children {
@@ -114,7 +113,7 @@ impl Scene<'_> {
         Ok(out)
     }
 
-    /// Does something with an object that may not be in itself.
+    /// Runs `act` on an object; fails if the object contains itself.
     fn within<T>(
         &mut self,
         object: &Object,
@@ -131,7 +130,7 @@ impl Scene<'_> {
     }
 }
 
-/// A transform without a projective part.
+/// An affine transform; fails if the matrix has a projective part or is not finite.
 fn affine(matrix: &DMat4, place: &str) -> Result<DAffine3> {
     let below = matrix.row(3);
     if below.truncate().abs().max_element() > 1e-6 || (below.w - 1.0).abs() > 1e-6 {

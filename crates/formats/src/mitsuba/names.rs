@@ -1,11 +1,11 @@
-//! Parameters of Mitsuba 3, and of its predecessor where its names are read.
+//! Parameters of Mitsuba 3, and those of its predecessor that are read.
 
 use super::super::Context;
 use super::super::names::{ALL, Names, row};
 use super::xml::{Link, Object};
 use opsr::scene::load::error::Result;
 
-/// Parameters by element and plugin, the names of textures in it included.
+/// Parameters by element and plugin; textures inside are parameters, too.
 #[rustfmt::skip]
 pub(in super::super) const NAMES: &[Names] = &[
     row("shape", ALL, "to_world flip_normals", "silhouette_sampling_weight", ""),
@@ -85,7 +85,7 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("phase", "isotropic rayleigh", "", "", ""),
 ];
 
-/// Checks the names of an object's properties, and those of the textures in it.
+/// Checks the names of an object's properties and of the textures inside it.
 pub(super) fn check(context: &mut Context, object: &Object) -> Result<()> {
     let element = match object.tag.as_str() {
         "luminaire" => "emitter",
@@ -93,7 +93,7 @@ pub(super) fn check(context: &mut Context, object: &Object) -> Result<()> {
         "spectrum" => "texture",
         tag => tag,
     };
-    // A reference to a surface has any name; in a plugin that holds none it can only be a texture.
+    // A reference to a surface has any name; in a plugin without inner surfaces a reference can only be a texture.
     let nests = [
         "twosided",
         "mask",
@@ -107,7 +107,7 @@ pub(super) fn check(context: &mut Context, object: &Object) -> Result<()> {
     ];
     let leaf = ["bsdf", "emitter", "texture"].contains(&element)
         && !nests.contains(&object.plugin.as_str());
-    // The one map of these has any name.
+    // The single map of these plugins has any name.
     let any = ["bumpmap", "bump", "normalmap", "scale"].contains(&object.plugin.as_str());
     let textures = object.children.iter().filter(|child| match &child.what {
         _ if any => false,

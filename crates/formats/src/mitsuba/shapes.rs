@@ -12,11 +12,11 @@ use opsr::scene::{AlphaMode, Material, Mesh};
 use std::f32::consts::TAU;
 use std::rc::Rc;
 
-/// Most members of a group, the groups in it counted.
+/// Most members of a group, those of inner groups counted.
 const MOST_MEMBERS: usize = 1 << 20;
 
 impl Scene<'_> {
-    /// Shows a shape, or keeps a group for its instances.
+    /// Places a shape; a group is only placed by its instances.
     pub(super) fn shape(&mut self, shape: &Object) -> Result<()> {
         match shape.plugin.as_str() {
             "shapegroup" => Ok(()),
@@ -76,7 +76,7 @@ impl Scene<'_> {
         Ok(members)
     }
 
-    /// A shape, or those that `merge` holds.
+    /// The members of a shape: itself, or the shapes inside `merge`.
     fn all(&mut self, shape: &Object) -> Result<Vec<Member>> {
         if shape.plugin != "merge" {
             return Ok(self.one(shape)?.into_iter().collect());
@@ -89,7 +89,7 @@ impl Scene<'_> {
         Ok(members)
     }
 
-    /// Mesh, material and pose of a shape.
+    /// Mesh, material and pose of a shape; `None` if it is left out.
     fn one(&mut self, shape: &Object) -> Result<Option<Member>> {
         for (_, subsurface) in self.children(shape, &["subsurface"])? {
             self.context.nearest(
@@ -153,7 +153,7 @@ impl Scene<'_> {
                 let axis = (to - from)
                     .try_normalize()
                     .ok_or_else(|| fault(place, "has no length"))?;
-                // Mitsuba's frame [Duff17], which decides where the texture begins.
+                // Mitsuba's frame [Duff17], which determines where the texture begins.
                 let Frame { s, t, .. } = Frame::from_normal(axis.as_vec3());
                 let [s, t] = [s, t].map(|v| radius * v.as_dvec3());
                 let own = DAffine3::from_cols(s, t, length * axis, from);
@@ -171,7 +171,7 @@ impl Scene<'_> {
         }))
     }
 
-    /// Curves as tubes, of which a pose moves the points alone.
+    /// Curves as tubes; the pose moves their points but does not scale their radii.
     fn curves(&mut self, shape: &Object, pose: &DAffine3) -> Result<u32> {
         let place = &shape.place;
         let plugin = shape.plugin.as_str();
@@ -194,7 +194,7 @@ impl Scene<'_> {
         let plugin = shape.plugin.clone();
         let index = shape.number("shape_index", 0.0)?.max(0.0) as usize;
         let upside = shape.flag("flip_tex_coords", plugin == "obj")?;
-        // A mirrored mesh without normals has its front on the other side in Mitsuba, which takes it from the winding.
+        // Mitsuba takes the front of a mesh without normals from its winding, which a mirroring pose reverses.
         let mirrored = pose.matrix3.determinant() < 0.0;
         let choice = format!("{plugin} {index} {upside} {flat} {flipped} {mirrored}");
         self.context.file_mesh(name, &choice, place, |bytes, at| {
@@ -223,13 +223,13 @@ impl Scene<'_> {
         })
     }
 
-    /// Material and mesh of a shape: its own emission and bump map, and the tangents of a normal map.
+    /// Material and mesh of a shape, with its own emission, bump map, and tangents for a normal map.
     fn dressed(&mut self, shape: &Object, mesh: u32, pose: &DAffine3) -> Result<(u32, u32)> {
         let bsdf = self.children(shape, &["bsdf"])?.into_iter().next();
         let emitters = self.children(shape, &["emitter", "luminaire"])?;
         let mut look = match &bsdf {
             Some((_, bsdf)) => self.look(bsdf)?,
-            // Mitsuba's own: half of the light is reflected, none by a lamp.
+            // Mitsuba's default: a reflectance of one half, and black for a lamp.
             None if emitters.is_empty() => Look::from(looks::diffuse(Paint::from(0.5))),
             None => Look::from(looks::diffuse(Paint::from(0.0))),
         };
@@ -257,7 +257,7 @@ impl Scene<'_> {
         Ok(self.context.dressed(look, key, mesh, pose))
     }
 
-    /// Gives a lamp with holes all of its light: `null` and `mask` take none from an emitter in Mitsuba.
+    /// Restores all light of a lamp with holes: in Mitsuba `null` and `mask` do not dim an emitter.
     fn lit_whole(&mut self, material: &mut Material, place: &str) {
         let holes = ![AlphaMode::Opaque, AlphaMode::Unseen].contains(&material.alpha_mode);
         if material.emission == Rgb::ZERO || !holes {
@@ -270,7 +270,7 @@ impl Scene<'_> {
         } else if material.opacity > 1e-3 {
             material.emission /= material.opacity;
         } else {
-            // Light goes straight through this wall, which a shadow ray takes for opaque.
+            // A wall of index 1 transmits all light unchanged, but blocks shadow rays.
             *material = Material {
                 emission: material.emission,
                 emissive_texture: material.emissive_texture,

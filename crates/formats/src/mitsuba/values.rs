@@ -1,4 +1,4 @@
-//! Properties of Mitsuba's objects: numbers, colours, textures.
+//! Properties of Mitsuba's objects: numbers, colours and textures.
 
 use super::super::Meant;
 use super::super::images::Use;
@@ -71,7 +71,7 @@ impl Object {
 }
 
 impl Scene<'_> {
-    /// The spectrum that a text such as `400:0.1, 500:0.2` gives.
+    /// The spectrum of a text such as `400:0.1, 500:0.2`.
     fn spectrum(text: &str, place: &str) -> Result<Spectrum> {
         let words = text.split([',', ' ', '\t', '\n']).filter(|w| !w.is_empty());
         let pairs: Option<Vec<(f64, f64)>> = words
@@ -108,7 +108,7 @@ impl Scene<'_> {
         }
     }
 
-    /// A colour, which may not be a texture.
+    /// A colour; of a texture, its mean with a warning.
     pub(super) fn colour(
         &mut self,
         object: &Object,
@@ -128,18 +128,18 @@ impl Scene<'_> {
         Ok(paint.factor)
     }
 
-    /// A colour or a texture of a surface.
+    /// The colour or texture of a surface.
     pub(super) fn paint(&mut self, object: &Object, names: &[&str], or: Paint) -> Result<Paint> {
         self.paint_of(object, names, or, Meant::Reflected)
     }
 
-    /// True if an object has a property or a texture of this name.
+    /// True if an object has a property or a texture with this name.
     pub(super) fn has(&self, object: &Object, name: &str) -> Result<bool> {
         let textures = self.children(object, &["texture", "spectrum", "volume"])?;
         Ok(object.property(name).is_some() || textures.iter().any(|(n, _)| n == name))
     }
 
-    /// A number or a texture of numbers: of colours the luminance counts.
+    /// A number or a texture of numbers: the luminance of colours.
     pub(super) fn numbers(&mut self, object: &Object, name: &str, or: f32) -> Result<Paint> {
         let paint = self.paint(object, &[name], Paint::from(or))?;
         Ok(self.grey(paint))
@@ -147,7 +147,7 @@ impl Scene<'_> {
 
     pub(super) fn grey(&mut self, paint: Paint) -> Paint {
         let Some(map) = paint.map else {
-            // The luminance of a grey is the grey up to rounding.
+            // The weights of the luminance sum to 1 only up to rounding, so grey stays as it is.
             let Rgb { x, y, z } = paint.factor;
             let is_grey = x == y && y == z;
             return Paint::from(if is_grey { x } else { luminance(paint.factor) });
@@ -281,7 +281,7 @@ impl Scene<'_> {
         let name = name.ok_or_else(|| fault(place, "a bitmap without a filename"))?;
         let both = texture.text("wrap_mode")?.unwrap_or("repeat");
         let mut wrap = [Wrap::Repeat; 2];
-        // Mitsuba 0.6 has modes of either axis.
+        // Mitsuba 0.6 has one mode for each axis.
         for (axis, name) in ["wrap_mode_u", "wrap_mode_v"].into_iter().enumerate() {
             wrap[axis] = match texture.text(name)?.unwrap_or(both) {
                 "repeat" => Wrap::Repeat,
@@ -307,7 +307,7 @@ impl Scene<'_> {
     }
 }
 
-/// The way from a mesh's texture coordinates to a texture's.
+/// The transform from a mesh's texture coordinates to a texture's.
 fn uv_transform(texture: &Object) -> Result<Affine2> {
     let m = texture.matrix("to_uv")?;
     let own = Affine2::from_mat2_translation(
@@ -315,10 +315,10 @@ fn uv_transform(texture: &Object) -> Result<Affine2> {
             Vec2::new(m.x_axis.x as f32, m.x_axis.y as f32),
             Vec2::new(m.y_axis.x as f32, m.y_axis.y as f32),
         ),
-        // A 2D transform has its shift in the third column, one of three dimensions in the fourth.
+        // A 2D transform has its translation in the third column, a 3D one in the fourth.
         Vec2::new(m.w_axis.x as f32, m.w_axis.y as f32),
     );
-    // Mitsuba 0.6.
+    // The parameters of Mitsuba 0.6.
     let of = |name: &str, or: f64| texture.number(name, or).map(|x| x as f32);
     let all = of("uvscale", 1.0)?;
     let scale = Vec2::new(of("uscale", all.into())?, of("vscale", all.into())?);

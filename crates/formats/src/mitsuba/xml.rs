@@ -1,5 +1,5 @@
-//! The objects of a Mitsuba file, with `default`s, includes and aliases resolved. Names are taken as Mitsuba 3 has them: `toWorld`
-//! of files of before is `to_world`.
+//! The objects of a Mitsuba file, with `default`s, includes and aliases resolved. Names are in Mitsuba 3's style: the
+//! `toWorld` of older files is `to_world`.
 
 use super::super::{Context, unpacked};
 use glam::{DMat4, DVec3, DVec4};
@@ -8,20 +8,20 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// Deepest object in another.
+/// Deepest nesting of objects.
 const MOST_DEPTH: usize = 64;
 
 /// Most objects and properties of a scene.
 const MOST_NODES: usize = 1 << 22;
 
-/// An object: a shape, a material, a texture.
+/// A node of a scene: a shape, a material, a texture.
 #[derive(Debug)]
 pub(super) struct Object {
-    /// Element, such as `bsdf`.
+    /// Name of the XML element, such as `bsdf`.
     pub(super) tag: String,
     /// Plugin, such as `diffuse`.
     pub(super) plugin: String,
-    /// Identifier, or empty.
+    /// Identifier; may be empty.
     pub(super) id: String,
     /// Place in the file.
     pub(super) place: String,
@@ -49,7 +49,7 @@ pub(super) enum Value {
     Transform(DMat4),
 }
 
-/// An object in another, by itself or by its identifier.
+/// An object inside another, or a reference to it.
 #[derive(Clone, Debug)]
 pub(super) struct Child {
     pub(super) name: String,
@@ -63,7 +63,7 @@ pub(super) enum Link {
     Id(String),
 }
 
-/// A name in Mitsuba 3's style.
+/// A name in Mitsuba 3's snake case.
 pub(super) fn snake(name: &str) -> String {
     let mut out = String::new();
     let mut before = '_';
@@ -87,7 +87,7 @@ impl Ids {
     }
 }
 
-/// Reads a file and those that it includes.
+/// Reader of a file and of its includes.
 pub(super) struct Reader<'a> {
     pub(super) context: &'a mut Context,
     pub(super) ids: Ids,
@@ -97,7 +97,7 @@ pub(super) struct Reader<'a> {
     nodes: usize,
 }
 
-/// A file's text and where its lines begin.
+/// The text of a file, and where its lines begin.
 struct Text<'a> {
     document: &'a roxmltree::Document<'a>,
     lines: Vec<usize>,
@@ -127,7 +127,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The root of a file.
+    /// The root object of a file.
     pub(super) fn file(&mut self, bytes: Vec<u8>, name: &str, depth: usize) -> Result<Object> {
         let at = if name.is_empty() { "XML" } else { name };
         let text = String::from_utf8(bytes).map_err(|e| fault(at, e.to_string()))?;
@@ -159,7 +159,7 @@ impl<'a> Reader<'a> {
         self.object(&text, root, 0)
     }
 
-    /// An attribute with its `$name`s replaced.
+    /// The value of an attribute, with each `$name` replaced by its default.
     fn attribute(
         &self,
         node: roxmltree::Node<'_, '_>,
@@ -177,7 +177,7 @@ impl<'a> Reader<'a> {
         while let Some(i) = rest.find('$') {
             out.push_str(&rest[..i]);
             rest = &rest[i + 1..];
-            // The longest known name, as Mitsuba replaces them.
+            // The longest known name is replaced, as in Mitsuba.
             let known = self
                 .defaults
                 .iter()
@@ -236,7 +236,7 @@ impl<'a> Reader<'a> {
         Ok(object)
     }
 
-    /// Adds what an element of an object is to that object.
+    /// Adds a child element to an object.
     fn member(
         &mut self,
         text: &Text<'_>,
@@ -370,7 +370,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// x, y and z, or all of them in `value`; one number is for all three.
+    /// A vector of x, y and z, or of `value`, where a single number stands for all three.
     fn vector(&self, node: roxmltree::Node<'_, '_>, or: f64, place: &str) -> Result<DVec3> {
         let bad = |word: &str| fault(place, format!("`{word}` is no vector"));
         if let Some(word) = self.attribute(node, "value", place)? {
@@ -440,7 +440,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Numbers between commas or spaces.
+/// Finite numbers separated by commas, semicolons or white space.
 pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
     let words = text
         .split([',', ' ', '\t', '\n', '\r', ';'])
@@ -449,7 +449,7 @@ pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
     all.filter(|all| all.iter().all(|x| x.is_finite()))
 }
 
-/// A colour: three numbers, one for all, or six hexadecimal digits, which are sRGB encoded.
+/// A colour: three numbers, one for all channels, or six hexadecimal digits, sRGB encoded.
 pub(super) fn rgb(text: &str) -> Option<[f32; 3]> {
     if let Some(digits) = text.trim().strip_prefix('#') {
         let code = u32::from_str_radix(digits, 16)
@@ -477,7 +477,7 @@ fn matrix(n: &[f64]) -> Option<DMat4> {
     }
 }
 
-/// The pose at `origin` that looks along +z at `target`: +x to the left.
+/// The pose of an object at `origin` that looks along +z at `target`, with +x to its left.
 fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Option<DMat4> {
     let dir = (target - origin).try_normalize()?;
     let other = || dir.any_orthonormal_vector();

@@ -11,15 +11,15 @@ use opsr::scene::load::error::{Result, fault};
 use opsr::scene::{Camera, Environment, FilmSize, Lens, Projection, PunctualLight};
 use std::f64::consts::PI;
 
-/// Factor that gives a light of scale 1 the power or illuminance that a parameter names; `own` is what white light of unit
-/// intensity, irradiance or radiance has. 1 without the parameter. pbrt multiplies it by `scale` and by the values of an rgb
-/// colour, while other spectra are taken to a luminance of 1 before.
+/// Factor that gives a light of scale 1 the power or illuminance of a parameter; 1 without the parameter. `own` is the
+/// value for white light of unit intensity, irradiance or radiance. As in pbrt, `scale` and the values of an rgb colour
+/// multiply the result, while other spectra are first scaled to a luminance of 1.
 pub(super) fn wanted(parameters: &Parameters, name: &str, own: f64) -> Result<f64> {
     let wanted = parameters.number(name, -1.0)?;
     Ok(if wanted > 0.0 { wanted / own } else { 1.0 })
 }
 
-/// `scale` where it is a number.
+/// `scale` if it is a number, else 1.
 pub(super) fn plain_scale(parameters: &Parameters) -> Result<f64> {
     match parameters.get("scale") {
         Some(given) if given.kind != "float" => Ok(1.0),
@@ -27,8 +27,8 @@ pub(super) fn plain_scale(parameters: &Parameters) -> Result<f64> {
     }
 }
 
-/// The way from Mitsuba's map, whose top is +y and whose left edge is −z, to version 3's, whose top is +z and whose left edge is +x
-/// `[PBRT3 §12.6]`: columns.
+/// Columns of the rotation from Mitsuba's map, with +y at the top and −z at the left edge, to that of version 3, with
+/// +z and +x there `[PBRT3 §12.6]`.
 const OF_LAT_LONG: DMat3 = DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::NEG_X);
 
 impl Scene<'_> {
@@ -100,7 +100,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// The mean of the image of a light that is shown without it; 1 of a light that has none.
+    /// The mean of the image of a light that is shown without it; 1 for lights without an image.
     fn of_image(&mut self, kind: &str, parameters: &Parameters, shown: &str) -> Result<Rgb> {
         let place = &parameters.place;
         if kind == "point" || kind == "spot" {
@@ -115,7 +115,7 @@ impl Scene<'_> {
         Ok(map.pixels.iter().sum::<Rgb>() / map.pixels.len().max(1) as f32)
     }
 
-    /// The colour that version 3 gives a light for its scale.
+    /// The colour by which version 3 scales a light.
     pub(super) fn tint(&mut self, parameters: &Parameters) -> Result<Rgb> {
         match parameters.get("scale").is_some_and(|p| p.kind != "float") {
             true => self.colour(parameters, "scale", Rgb::ONE, Meant::Emitted),
@@ -171,7 +171,7 @@ impl Scene<'_> {
                 sky::resampled(&map, projection, pose.matrix3 * own, factor)
             }
             None => {
-                // A sky of one colour gives π of it.
+                // The illuminance of a constant sky of radiance 1 is π.
                 let scale = scale * wanted(parameters, "illuminance", PI)?;
                 Environment::constant(self.emitted(parameters, "L", scale)?)
             }
@@ -188,7 +188,7 @@ impl Scene<'_> {
     pub(super) fn expose(&mut self) -> Result<()> {
         let empty = Parameters::default();
         let camera = self.camera.as_ref().map_or(&empty, |(_, camera, _)| camera);
-        // Version 3 exposes by nothing.
+        // Version 3 has no exposure.
         let open = match self.is_old {
             true => 1.0,
             false => camera.number("shutterclose", 1.0)? - camera.number("shutteropen", 0.0)?,
@@ -216,7 +216,7 @@ impl Scene<'_> {
         self.context.brighten(ratio, place)
     }
 
-    /// The camera, with its film.
+    /// Adds the camera, with its film.
     pub(super) fn add_camera(&mut self) -> Result<()> {
         let Some((kind, parameters, matrix)) = self.camera.take() else {
             return Ok(());
@@ -243,7 +243,7 @@ impl Scene<'_> {
         let mut realistic = None;
         let projection = match kind.as_str() {
             "perspective" => {
-                // Version 3 may give half of it.
+                // Version 3 accepts half of the angle.
                 let fov = match parameters.number("halffov", -1.0)? {
                     half if half > 0.0 => 2.0 * half,
                     _ => parameters.number("fov", 90.0)?,
@@ -280,7 +280,7 @@ impl Scene<'_> {
                 parameters.number("lensradius", 0.0)?,
                 parameters.number("focaldistance", 1e6)?,
             ],
-            // Millimetres are thousandths of a unit.
+            // Version 3 gives millimetres; a unit is a metre.
             Some([_, radius]) => [1e-3 * radius, parameters.number("focusdistance", 10.0)?],
         };
         let (radius, focus) = (radius as f32, focus as f32);
@@ -298,7 +298,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// Focal length and radius of the entrance pupil of a lens in millimetres, by a ray close to its axis `[PBRT4 §5.4]`.
+    /// Focal length of a lens and radius of its entrance pupil, in millimetres, by a paraxial ray `[PBRT4 §5.4]`.
     fn realistic(&mut self, parameters: &Parameters) -> Result<[f64; 2]> {
         let place = &parameters.place;
         let shown = "a perspective one of its focal length";
@@ -318,7 +318,7 @@ impl Scene<'_> {
         for row in numbers.chunks_exact(4) {
             let [curvature, thickness, eta, aperture] = [row[0], row[1], row[2], row[3]];
             if curvature == 0.0 {
-                // The stop, of which a file may open less.
+                // The aperture stop, which the parameter may narrow.
                 let open = parameters.number("aperturediameter", 1.0)?.min(aperture);
                 pupil = (0.5 * open / height).abs();
             } else {
@@ -367,7 +367,7 @@ impl Scene<'_> {
     }
 }
 
-/// Left, right, lower and upper end of the picture on the plane at distance 1, for a frame of this aspect.
+/// Left, right, lower and upper bound of the picture on the plane at distance 1, for a frame of aspect `own`.
 fn screen_window(parameters: &Parameters, own: f64) -> Result<[f64; 4]> {
     let place = &parameters.place;
     let aspect = parameters.number("frameaspectratio", own)?;
@@ -389,7 +389,7 @@ fn screen_window(parameters: &Parameters, own: f64) -> Result<[f64; 4]> {
     Ok(window)
 }
 
-/// The axes of a camera at a pose.
+/// The axes of a camera of this pose; fails if the pose is singular.
 fn frame(pose: &DAffine3, place: &str) -> Result<Frame> {
     let m = pose.matrix3;
     let axis = |v: DVec3| {
@@ -398,7 +398,7 @@ fn frame(pose: &DAffine3, place: &str) -> Result<Frame> {
     };
     let n = -axis(m.z_axis)?;
     let t = axis(m.y_axis - n * n.dot(m.y_axis))?;
-    // +x is to the right, whatever hand the pose has.
+    // +x is to the right, also for mirroring poses.
     let s = t.cross(n);
     let s = s * s.dot(m.x_axis).signum();
     Ok(Frame {

@@ -1,4 +1,4 @@
-//! Texture coordinates of pbrt by position, those of planes, spheres and cylinders `[PBRT4 §10.2]`: the second pair of a mesh.
+//! Texture coordinates by position: pbrt's planar, spherical and cylindrical mappings `[PBRT4 §10.2]`, as second pair.
 
 use super::tokens::Parameters;
 use super::{Scene, affine};
@@ -11,15 +11,15 @@ use std::f64::consts::{PI, TAU};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
-    /// Axes of s and t, and where they begin.
+    /// Axes of s and t, and the coordinates of the origin.
     Planar([DVec3; 2], DVec2),
     Spherical,
     Cylindrical,
-    /// Angle and height of the direction to the point, as version 3 has it.
+    /// Angle and normalised height of the direction to the point: the cylindrical mapping of version 3.
     OldCylindrical,
 }
 
-/// A mapping, and the way from the space in which it takes points to its own.
+/// A mapping, and the transform to its own space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mapping {
     kind: Kind,
@@ -27,7 +27,7 @@ pub(super) struct Mapping {
 }
 
 impl Mapping {
-    /// Coordinates of a point. The one that goes round is not a number on the axis.
+    /// Coordinates of a point. The angular coordinate of a point on the axis is NaN.
     fn at(&self, p: Vec3) -> DVec2 {
         let p = self.pose.transform_point3(p.as_dvec3());
         let round = match p.x == 0.0 && p.y == 0.0 {
@@ -37,7 +37,7 @@ impl Mapping {
         let height = p.z / p.length().max(f64::MIN_POSITIVE);
         match self.kind {
             Kind::Planar([s, t], shift) => shift + DVec2::new(p.dot(s), p.dot(t)),
-            // From 0 to 1, as the azimuth from 0 to 2π.
+            // The azimuth from 0 to 2π becomes [0, 1].
             Kind::Spherical => {
                 let azimuth = if round < 0.0 { 1.0 + round } else { round };
                 DVec2::new(height.clamp(-1.0, 1.0).acos() / PI, azimuth)
@@ -47,7 +47,7 @@ impl Mapping {
         }
     }
 
-    /// The coordinate that goes round.
+    /// Index of the angular coordinate.
     fn round(&self) -> Option<usize> {
         match self.kind {
             Kind::Planar(..) => None,
@@ -56,7 +56,7 @@ impl Mapping {
         }
     }
 
-    /// Coordinates on one side of the seam, beyond 0 and 1 if need be. A corner on the axis takes the mean of the others.
+    /// Coordinates on one side of the seam, beyond 0 and 1 if need be. A corner on the axis gets the others' mean.
     fn together(&self, mut corners: [DVec2; 3]) -> [DVec2; 3] {
         let Some(axis) = self.round() else {
             return corners;
@@ -72,9 +72,9 @@ impl Mapping {
         corners
     }
 
-    /// True if coordinates along an edge are not linear to a thousandth, or go far around the axis.
+    /// True if coordinates along an edge deviate from linear by more than 0.001, or turn by more than a sixteenth.
     fn bends(&self, a: Vec3, b: Vec3) -> bool {
-        // An edge that is symmetric about its middle is straight there alone.
+        // Three points, because the middle of a symmetric edge does not deviate.
         [0.25, 0.5, 0.75].into_iter().any(|t| {
             let [a, m, b] = self.together([a, a.lerp(b, t), b].map(|p| self.at(p)));
             let turn = self.round().map_or(0.0, |axis| (b - a)[axis].abs());
@@ -84,11 +84,11 @@ impl Mapping {
     }
 }
 
-/// Shortest edge that is split, as a part of the diagonal of the mesh.
+/// Shortest edge that is split, relative to the diagonal of the mesh.
 const FINEST: f32 = 1.0 / 256.0;
 
-/// A mesh with a mapping's coordinates as its second pair; `None` beyond `most` triangles. They are split at the middle of
-/// their longest edges where the mapping bends between corners.
+/// A mesh with a mapping's coordinates as its second pair; `None` beyond `most` triangles. Triangles are split at the
+/// middle of their longest edge as long as the mapping is not linear along their edges.
 fn mapped(source: &Mesh, mapping: &Mapping, most: usize) -> Option<Mesh> {
     let ends = |of: fn(Vec3, Vec3) -> Vec3| source.positions.iter().copied().reduce(of);
     let (low, high) = ends(Vec3::min).zip(ends(Vec3::max)).unwrap_or_default();
@@ -107,7 +107,7 @@ fn mapped(source: &Mesh, mapping: &Mapping, most: usize) -> Option<Mesh> {
         let edge = |k: usize| (face[k][0], face[(k + 1) % 3][0]);
         let length = |k: usize| edge(k).0.distance(edge(k).1);
         let bends = |k: usize| length(k) > least && mapping.bends(edge(k).0, edge(k).1);
-        // The longest edge, bent or not: splits of others alone would leave ever thinner slivers.
+        // The longest edge, whether it bends or not: other splits would leave ever thinner slivers.
         let longest = (0..3).max_by(|&i, &j| length(i).total_cmp(&length(j)));
         if let Some(k) = longest.filter(|_| (0..3).any(bends)) {
             let [a, b, c] = [0, 1, 2].map(|i| face[(k + i) % 3]);
@@ -140,7 +140,7 @@ fn mapped(source: &Mesh, mapping: &Mapping, most: usize) -> Option<Mesh> {
 }
 
 impl Scene<'_> {
-    /// From the coordinates of a mesh to those of a texture, and true for the second pair, which is that of the mapping it notes.
+    /// Transform from mesh to texture coordinates; true if those are the second pair, by a mapping that is stored.
     pub(super) fn upward(&mut self, parameters: &Parameters) -> Result<(Affine2, bool)> {
         let place = &parameters.place;
         let of = |name: &str, or: f64| parameters.number(name, or).map(|x| x as f32);
@@ -163,7 +163,7 @@ impl Scene<'_> {
                 ));
             }
         };
-        // Planes of version 3 are those of the world.
+        // In version 3 the planes are in world space.
         let pose = match (kind, self.is_old) {
             (Kind::Planar(..), true) => DAffine3::IDENTITY,
             _ => affine(&self.state.pose, place)?.inverse(),
@@ -175,7 +175,7 @@ impl Scene<'_> {
         Ok((Affine2::IDENTITY, true))
     }
 
-    /// Notes the mapping of a texture or a material. The first one, that of the base colour, counts.
+    /// Stores the mapping of a texture or a material. The first one, the base colour's, is used.
     pub(super) fn takes(&mut self, mapping: Option<Mapping>, place: &str) -> Result<()> {
         if self.mapping.is_some() && mapping.is_some() && self.mapping != mapping {
             (self.context).nearest(place, "a second mapping of one surface", "the first")?;
@@ -184,7 +184,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// A mesh with the coordinates of a mapping at a pose, made once.
+    /// A mesh with the coordinates of a mapping at a pose, computed once.
     pub(super) fn mapped(
         &mut self,
         mesh: u32,

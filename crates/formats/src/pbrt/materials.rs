@@ -13,10 +13,10 @@ use opsr::scene::load::error::{Result, fault};
 use opsr::scene::{Material, Wrap};
 use std::rc::Rc;
 
-/// Roughness below which pbrt's microfacets are a mirror.
+/// Roughness below which pbrt treats microfacets as a mirror.
 const SMOOTH: f32 = 1e-3;
 
-/// Roughness of pbrt's own scale, if `remaproughness` is true: √r in version 4.
+/// Roughness by version 4's scale √r if `remaproughness` is true.
 fn remapped(roughness: f32, remap: bool) -> f32 {
     match remap {
         true => roughness.max(0.0).sqrt(),
@@ -24,7 +24,7 @@ fn remapped(roughness: f32, remap: bool) -> f32 {
     }
 }
 
-/// The names of a mixture's parts, and true for a file of version 3, which names them apart and whose amount is the first one's.
+/// Names of a mixture's two parts; true for version 3, which has two parameters and the first part's share as amount.
 pub(super) fn parts_of(parameters: &Parameters) -> Result<(Vec<String>, bool)> {
     let apart = [
         parameters.text("namedmaterial1")?,
@@ -38,7 +38,7 @@ pub(super) fn parts_of(parameters: &Parameters) -> Result<(Vec<String>, bool)> {
 }
 
 impl Scene<'_> {
-    /// The look of a declared material.
+    /// The material of a declaration, read once.
     pub(super) fn look(&mut self, declared: &Rc<Declared>, depth: usize) -> Result<Look> {
         let address = Rc::as_ptr(declared).addr();
         if let Some((look, mapping)) = self.looks.get(&address).cloned() {
@@ -54,7 +54,7 @@ impl Scene<'_> {
             material: self.material(&declared.kind, parameters, depth)?,
             bump: None,
         };
-        // The second is version 3's.
+        // The second name is that of version 3.
         for name in ["displacement", "bumpmap"] {
             if parameters.get(name).is_none() {
                 continue;
@@ -67,7 +67,7 @@ impl Scene<'_> {
             let name = name.to_owned();
             look.material.normal_texture = self.context.texture(&name, how, &parameters.place)?.map;
         }
-        // The address stays that of this declaration.
+        // The declaration stays alive, so its address remains a unique key.
         self.kept.push(declared.clone());
         let own = std::mem::replace(&mut self.mapping, before);
         if own.is_some() {
@@ -122,7 +122,7 @@ impl Scene<'_> {
                 material
             }
             "diffusetransmission" => {
-                // The scaled colours are from 0 to 1, as in pbrt.
+                // The scaled colours are clamped to [0, 1], as in pbrt.
                 let scale = parameters.number("scale", 1.0)?.clamp(0.0, 1e6) as f32;
                 let mut of = |name: &str| -> Result<Paint> {
                     let paint = self.paint(parameters, name, Paint::from(0.25))?;
@@ -156,7 +156,7 @@ impl Scene<'_> {
         })
     }
 
-    /// The colour of hair: given, or by what it absorbs.
+    /// The colour of hair: given directly, or by its absorption.
     fn hair(&mut self, parameters: &Parameters) -> Result<Rgb> {
         for name in ["reflectance", "color"] {
             if parameters.get(name).is_some() {
@@ -175,7 +175,7 @@ impl Scene<'_> {
         Ok(looks::colour_of_hair(absorption, of("beta_n", 0.3)?.x))
     }
 
-    /// Refuses parameters that a layer may not have.
+    /// Warns of a scattering medium inside a layer, which is shown as a clear layer.
     fn layered(&mut self, parameters: &Parameters) -> Result<()> {
         let albedo = self.colour(parameters, "albedo", Rgb::ZERO, Meant::Reflected)?;
         match albedo == Rgb::ZERO {
@@ -214,7 +214,7 @@ impl Scene<'_> {
             false => self.eta(parameters, "interface.eta", 1.5)?,
         };
         let (eta, k) = if parameters.get("reflectance").is_some() {
-            // k of this reflectance with an index of 1, as pbrt makes it.
+            // The k that gives this reflectance with an index of 1, as in pbrt.
             let r = self.colour(parameters, "reflectance", Rgb::ONE, Meant::Reflected)?;
             let r = r.clamp(Rgb::ZERO, Rgb::splat(0.9999));
             let k = 2.0 * r.map(f32::sqrt) / (Rgb::ONE - r).map(f32::sqrt);
@@ -225,13 +225,13 @@ impl Scene<'_> {
             let k = self.colour(parameters, &of("k"), k, Meant::Reflected)?;
             (eta, k)
         };
-        // In both cases over the index of the layer above, as in pbrt.
+        // Both are relative to the index of the layer above, as in pbrt.
         let mut material = looks::metal(eta / outside, k / outside, Paint::from(1.0), 0.0);
         self.rough(parameters, prefix, 0.0, &mut material, remapped)?;
         Ok(material)
     }
 
-    /// Roughness of microfacets by Trowbridge and Reitz; `remapped` takes a number of the file and `remaproughness`.
+    /// Sets the roughness of Trowbridge and Reitz's microfacets; `remapped` gets a number and `remaproughness`.
     pub(super) fn rough(
         &mut self,
         parameters: &Parameters,
@@ -306,7 +306,7 @@ impl Scene<'_> {
             false => self.paint(parameters, "amount", Paint::from(0.5))?,
         };
         if amount.map.is_some_and(|map| map.second) {
-            // Shares have the first pair of coordinates.
+            // Shares use the first texture coordinates.
             (self.context).nearest(place, "a mapping of `amount`", "its mean")?;
             amount = Paint::plain(self.context.builder.mean(amount));
         }

@@ -21,7 +21,7 @@ const PRESETS: &[(&str, [f32; 3], [f32; 3])] = &[
 ];
 
 impl Scene<'_> {
-    /// `MakeNamedMedium`.
+    /// Reads a `MakeNamedMedium`.
     pub(super) fn medium(&mut self, name: String, parameters: &Parameters) -> Result<()> {
         let place = &parameters.place;
         let kind = parameters.text("type")?.unwrap_or_default().to_owned();
@@ -43,7 +43,7 @@ impl Scene<'_> {
             self.context
                 .left_out(place, "a medium that shines (`Le`)")?;
         }
-        // Coefficients replace a preset in version 3 alone.
+        // Only in version 3 do coefficients replace those of a preset.
         let stands = named.is_some() && known.is_some() && !self.is_old;
         let mut of = |name: &str, preset: [f32; 3]| match stands {
             true => Ok(preset.into()),
@@ -60,7 +60,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// A medium by its name; an empty one is none.
+    /// The medium of a name; the empty name means none.
     pub(super) fn named_medium(&self, name: &str, place: &str) -> Result<Named> {
         if name.is_empty() {
             return Ok(None);

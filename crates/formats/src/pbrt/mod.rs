@@ -20,33 +20,33 @@ use std::collections::HashMap;
 use std::rc::Rc;
 use tokens::{Parameters, Token, Tokens, Values};
 
-/// Most attributes within one another.
+/// Deepest nesting of attributes.
 const MOST_DEPTH: usize = 1024;
 
-/// Directives that are neither of the state nor transforms.
+/// Directives that declare something, unlike those of the graphics state and of transforms.
 #[rustfmt::skip]
 const DECLARATIONS: [&str; 17] = [
     "Shape", "Material", "MakeNamedMaterial", "NamedMaterial", "Texture", "LightSource", "AreaLightSource", "Camera", "Film", "Sampler",
     "Integrator", "PixelFilter", "Accelerator", "ColorSpace", "Option", "MediumInterface", "MakeNamedMedium",
 ];
 
-/// Graphics state, which directives set for those that follow.
+/// Graphics state, which applies to later directives.
 #[derive(Clone, Default)]
 struct State {
     pose: DMat4,
     material: Option<Rc<Declared>>,
-    /// Name of a material that was not declared, and where it stands.
+    /// Name of the current material if it is not declared yet, and the place of this reference.
     awaited: Option<(String, String)>,
     /// Kind and parameters of the area light.
     area_light: Option<Rc<Parameters>>,
     reversed: bool,
-    /// True between `ActiveTransform EndTime` and the next one.
+    /// True from `ActiveTransform EndTime` to the next `ActiveTransform`.
     at_end: bool,
-    /// From colours of the file to linear Rec. 709.
+    /// Matrix from the file's colour space to linear Rec. 709.
     space: DMat3,
     /// Media inside and outside.
     sides: [Named; 2],
-    /// Parameters of `Attribute`, by what they are for.
+    /// Parameters of `Attribute` directives, with their targets.
     defaults: Vec<(String, Rc<Parameters>)>,
 }
 
@@ -63,29 +63,29 @@ struct Scene<'a> {
     stack: Vec<(State, char)>,
     coordinates: HashMap<String, DMat4>,
     materials: HashMap<String, Rc<Declared>>,
-    /// Textures, each with the mapping that its second pair of coordinates is by.
+    /// Textures, each with the mapping of its second texture coordinates.
     textures: HashMap<String, (Paint, Option<Mapping>)>,
     spectrum_textures: HashMap<String, (Paint, Option<Mapping>)>,
-    /// Mapping of what is read at present.
+    /// Mapping of the texture or material being read.
     mapping: Option<Mapping>,
     media: HashMap<String, Named>,
     /// Shapes of objects by name: mesh, material, pose.
     objects: HashMap<String, Rc<Vec<Member>>>,
     object: Option<(String, Vec<Member>)>,
     looks: HashMap<usize, (Look, Option<Mapping>)>,
-    /// Declarations and lights that looks are known by: their addresses must stay theirs.
+    /// Declarations and lights whose addresses are keys: they must stay alive.
     kept: Vec<Rc<Declared>>,
     lights_kept: Vec<Rc<Parameters>>,
-    /// Shapes of materials that were named before they were declared, each with the object that it is in, and instances of what was
-    /// not whole yet; true once the file is read.
+    /// Shapes whose material is not declared yet, each with the object that it is in, and instances of incomplete
+    /// objects. They wait for the end of the file, when `is_read` is true.
     later: Vec<(State, String, Parameters, Option<String>)>,
     is_read: bool,
     instances: Vec<(DMat4, String, String)>,
-    /// Film's parameters, and those of the camera with its pose.
+    /// Parameters of the film, and of the camera with its pose.
     film: Option<Parameters>,
     camera: Option<(String, Parameters, DMat4)>,
     in_world: bool,
-    /// True for a file of version 3, by its film.
+    /// True for a file of version 3, recognised by its film.
     is_old: bool,
 }
 
@@ -120,13 +120,13 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
     scene.add_camera()
 }
 
-/// A matrix in pbrt's order, column by column.
+/// The matrix of numbers in pbrt's order, column by column.
 fn matrix(n: [f64; 16]) -> DMat4 {
     DMat4::from_cols_array(&n)
 }
 
 impl Scene<'_> {
-    /// Shapes and instances of names that come later.
+    /// Reads the shapes and instances that refer to later declarations.
     fn rest(&mut self) -> Result<()> {
         self.is_read = true;
         for (state, kind, parameters, object) in std::mem::take(&mut self.later) {
@@ -150,7 +150,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// True if a mixture has a part that is not declared yet.
+    /// True if a mixture has a part that is not yet declared.
     fn awaits(&self, declared: &Declared, depth: usize) -> bool {
         let awaits = |name: &String| match self.materials.get(name) {
             Some(part) => self.awaits(part, depth + 1),
@@ -317,7 +317,7 @@ impl Scene<'_> {
                 tokens.numbers::<2>()?;
             }
         }
-        // Transforms of the end of a movement do not move its beginning.
+        // Transforms for the end of a movement are ignored: a movement is shown at its beginning.
         if self.state.at_end {
             self.state.pose = before;
         }
@@ -365,7 +365,7 @@ impl Scene<'_> {
         self.declare(word, name, parameters, &place)
     }
 
-    /// `Option`: names, each with a value. Capitals, `-` and `_` of a name do not count in pbrt; a type before it is let pass.
+    /// Reads an `Option`: names, each with a value. As in pbrt, case, `-`, `_` and a type before a name are ignored.
     fn option(&mut self, tokens: &mut Tokens, place: &str) -> Result<()> {
         while let Some(Token::Quoted(_)) = tokens.peek()? {
             let name = tokens.quoted()?.to_lowercase().replace(['-', '_'], "");
@@ -383,7 +383,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// Checks the names of an element's own parameters; those of `Attribute` need not fit.
+    /// Checks the names of an element's own parameters; those of `Attribute` may belong to other kinds.
     fn check_names(&mut self, element: (&str, &str), parameters: &Parameters) -> Result<()> {
         (self.context).check_names(names::NAMES, element, parameters.names())
     }
@@ -399,7 +399,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// A declaration of a name and parameters.
+    /// Stores or applies a declaration.
     fn declare(
         &mut self,
         word: &str,
@@ -448,7 +448,7 @@ impl Scene<'_> {
                 Ok(())
             }
             "Camera" => {
-                // The current transform takes the world to the camera.
+                // The current transform is that from the world to the camera.
                 self.coordinates
                     .insert("camera".into(), self.state.pose.inverse());
                 let [_, around] = self.state.sides;
@@ -473,12 +473,12 @@ impl Scene<'_> {
                 }
                 Ok(())
             }
-            // Samplers, filters and accelerators are the render's.
+            // Samplers, filters and accelerators do not apply here.
             _ => Ok(()),
         }
     }
 
-    /// Parameters with those that `Attribute` set for this kind of thing.
+    /// Parameters, completed by those that `Attribute` set for this target.
     fn with_defaults(&self, target: &str, mut parameters: Parameters) -> Parameters {
         for (kind, defaults) in self.state.defaults.iter().rev() {
             if kind == target {
@@ -493,12 +493,12 @@ impl Scene<'_> {
         parameters
     }
 
-    /// The current pose, without a projective part.
+    /// The current pose; fails if it has a projective part.
     fn pose(&self, place: &str) -> Result<DAffine3> {
         affine(&self.state.pose, place)
     }
 
-    /// The first text of a parameter, if it names one.
+    /// The kind and the first text of a parameter, if it has one.
     fn named<'p>(parameters: &'p Parameters, name: &str) -> Option<(&'p str, &'p str)> {
         let parameter = parameters.get(name)?;
         match &parameter.values {
@@ -518,7 +518,7 @@ fn affine(matrix: &DMat4, place: &str) -> Result<DAffine3> {
     }
 }
 
-/// The pose of pbrt's camera: +x to the right, +y up, looking along +z.
+/// The pose of pbrt's camera at `eye`: +x to the right, +y up, looking along +z.
 fn look_at(eye: DVec3, target: DVec3, up: DVec3) -> Option<DMat4> {
     let dir = (target - eye).try_normalize()?;
     let right = up.try_normalize()?.cross(dir).try_normalize()?;

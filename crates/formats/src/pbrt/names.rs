@@ -1,4 +1,4 @@
-//! Parameters of pbrt-v4, and of pbrt-v3 where its names are read.
+//! Parameters of pbrt-v4, and those of pbrt-v3 that are read.
 
 use super::super::names::{ALL, Names, row};
 
@@ -43,7 +43,7 @@ pub(in super::super) const NAMES: &[Names] = &[
         "thickness g maxdepth nsamples twosided", ""),
     row("Material", "diffusetransmission", "reflectance transmittance scale", "", "sigma"),
     row("Material", "mix", "materials amount namedmaterial1 namedmaterial2", "", ""),
-    // The last kind is the empty one.
+    // The last kind is the empty name.
     row("Material", "interface none ", "", "", ""),
     row("Texture", "constant", "value", "", ""),
     row("Texture", "imagemap", "filename wrap encoding gamma filter invert scale mapping uscale vscale udelta vdelta v1 v2",

@@ -10,7 +10,7 @@ use opsr::math::{Rgb, luminance};
 use opsr::scene::Material;
 use opsr::scene::load::error::Result;
 
-/// Roughness of version 3's scale, if `remaproughness` is true: its polynomial in the logarithm `[PBRT3 §8.4.2]`.
+/// Roughness by version 3's scale if `remaproughness` is true: a polynomial of the logarithm `[PBRT3 §8.4.2]`.
 fn remapped(roughness: f32, remap: bool) -> f32 {
     if !remap {
         return roughness;
@@ -20,7 +20,7 @@ fn remapped(roughness: f32, remap: bool) -> f32 {
 }
 
 impl Scene<'_> {
-    /// The material of a kind that version 3 alone has, or has with other defaults; `None` for any other.
+    /// The material of a kind that only version 3 has, or that has other defaults there; `None` for other kinds.
     pub(super) fn older(
         &mut self,
         kind: &str,
@@ -35,7 +35,7 @@ impl Scene<'_> {
             "glass" => {
                 let tint = self.paint(parameters, "Kt", white)?;
                 let mut material = looks::glass(self.index(parameters)?, tint, 0.0);
-                // Glass of no roughness is smooth, whatever the scale makes of 0.
+                // Glass of roughness 0 is smooth, although the scale maps 0 to a positive roughness.
                 let smooth = |r, remap| if r == 0.0 { 0.0 } else { remapped(r, remap) };
                 self.rough(parameters, "", 0.0, &mut material, smooth)?;
                 material
@@ -61,7 +61,7 @@ impl Scene<'_> {
             "substrate" => {
                 let base = self.paint(parameters, "Kd", Paint::from(0.5))?;
                 let shine = self.colour(parameters, "Ks", Rgb::splat(0.5), Meant::Reflected)?;
-                // Its layer reflects `Ks` at normal incidence: the index that does.
+                // The index of a layer that reflects `Ks` at normal incidence.
                 let index = looks::index_of(luminance(shine));
                 let mut material = looks::glossy(base, Rgb::ONE, index);
                 self.roughened(parameters, 0.1, &mut material)?;
@@ -85,7 +85,7 @@ impl Scene<'_> {
         Ok(Some(material))
     }
 
-    /// A surface that reflects and transmits.
+    /// A surface with diffuse reflection and transmission under a glossy layer.
     fn translucent(&mut self, parameters: &Parameters) -> Result<Material> {
         let base = self.paint(parameters, "Kd", Paint::from(0.25))?;
         let shine = self.colour(parameters, "Ks", Rgb::splat(0.25), Meant::Reflected)?;
@@ -106,7 +106,7 @@ impl Scene<'_> {
         Ok(material)
     }
 
-    /// `eta`, or `index` as older files have it.
+    /// `eta`, or `index` in older files.
     fn index(&mut self, parameters: &Parameters) -> Result<f32> {
         let name = if parameters.get("index").is_some() {
             "index"
@@ -116,7 +116,7 @@ impl Scene<'_> {
         self.eta(parameters, name, 1.5)
     }
 
-    /// Roughness on version 3's scale, of microfacets by Trowbridge and Reitz.
+    /// Sets roughness on version 3's scale, for Trowbridge and Reitz's microfacets.
     fn roughened(
         &mut self,
         parameters: &Parameters,
@@ -126,7 +126,7 @@ impl Scene<'_> {
         self.rough(parameters, "", or, material, remapped)
     }
 
-    /// Adds the parts that `uber` has beside `plastic`: a mirror, glass, and holes.
+    /// Adds the features of `uber` that `plastic` does not have: mirror, glass, opacity.
     fn uber(&mut self, parameters: &Parameters, mut material: Material) -> Result<Material> {
         let place = &parameters.place;
         let of = |scene: &mut Self, name: &str| {
@@ -159,7 +159,7 @@ impl Scene<'_> {
         Ok(material)
     }
 
-    /// Disney's model by that of glTF.
+    /// Disney's model, by that of glTF.
     fn disney(&mut self, parameters: &Parameters) -> Result<Material> {
         let place = &parameters.place;
         self.context

@@ -162,14 +162,14 @@ impl Scene<'_> {
     /// The limit surface of a control mesh by Loop's subdivision.
     fn subdivided(&mut self, parameters: &Parameters) -> Result<Mesh> {
         let place = &parameters.place;
-        // Version 3 has the second name.
+        // The second name is that of version 3.
         let levels = parameters.number("levels", parameters.number("nlevels", 3.0)?)?;
         let mut control = triangles(parameters)?;
         let faces = control.indices.len() as f64 * 4f64.powf(levels);
         if !(levels >= 0.0 && levels.fract() == 0.0 && faces <= f64::from(1 << 24)) {
             return Err(fault(place, format!("a subdivision of {levels} levels")));
         }
-        // Edges with their third corners, points, and rings of them.
+        // Memory for edges with third corners, points, and rings of neighbours.
         let what = format!("a subdivision into {faces} triangles");
         opsr::memory::check(what, 300 * faces as u64)?;
         let finite = control.positions.iter().all(|p| p.is_finite());
@@ -286,7 +286,7 @@ impl Scene<'_> {
     }
 }
 
-/// A sphere between two heights; `None` where nothing is between them.
+/// The zone of a sphere between two heights; `None` if it is empty.
 fn sphere(radius: f32, [low, high]: [f32; 2], turn: f32) -> Option<Mesh> {
     let angle = |z: f32| (z / radius).clamp(-1.0, 1.0).acos();
     let span = [angle(low.max(high)), angle(low.min(high))];
@@ -307,7 +307,7 @@ fn area(mesh: &Mesh) -> f64 {
     mesh.indices.iter().map(of).sum()
 }
 
-/// Puts the front where pbrt has it: where the normals point, or else by the winding.
+/// Orients a mesh as pbrt does: by its normals, or else by its winding.
 fn turned(mesh: &mut Mesh, reversed: bool) {
     face_normals_outwards(mesh);
     if reversed {
@@ -315,7 +315,7 @@ fn turned(mesh: &mut Mesh, reversed: bool) {
     }
 }
 
-/// Vectors of a parameter.
+/// Vectors of a parameter; fails unless the numbers come in threes.
 fn vectors(parameters: &Parameters, name: &str) -> Result<Vec<Vec3>> {
     let numbers = parameters.numbers(name)?.unwrap_or_default();
     if numbers.len() % 3 != 0 {
@@ -334,7 +334,7 @@ fn coordinates(parameters: &Parameters) -> Result<Vec<Vec2>> {
     Ok(all.map(|n| Vec2::new(n[0] as f32, n[1] as f32)).collect())
 }
 
-/// Indices in groups of `N`, each below `count`; without any, one group if there are just `N` points.
+/// Indices in groups of `N`, each below `count`. Without indices, `N` points are one group.
 fn indices<const N: usize>(parameters: &Parameters, count: usize) -> Result<Vec<[u32; N]>> {
     let place = &parameters.place;
     let Some(numbers) = parameters.numbers("indices")? else {
@@ -381,7 +381,7 @@ fn triangles(parameters: &Parameters) -> Result<Mesh> {
     })
 }
 
-/// Points of a curve with half of its width.
+/// Points of a curve, each with half of the width there.
 fn curve(parameters: &Parameters) -> Result<Vec<(Vec3, f32)>> {
     let place = &parameters.place;
     let points = vectors(parameters, "P")?;
@@ -406,7 +406,7 @@ fn curve(parameters: &Parameters) -> Result<Vec<(Vec3, f32)>> {
     Ok((places.iter().map(|(p, share)| (p.truncate(), half(*share)))).collect())
 }
 
-/// Heights over [0, 1]², row by row along y, of version 3.
+/// A height field of version 3: heights over [0, 1]², row by row along y.
 fn heightfield(parameters: &Parameters) -> Result<Mesh> {
     let place = &parameters.place;
     let heights = parameters.numbers("Pz")?.unwrap_or_default();

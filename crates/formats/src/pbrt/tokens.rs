@@ -1,8 +1,7 @@
-//! Words of a pbrt file: directives, quoted strings, numbers and brackets, each with its line.
+//! Tokens of a pbrt file: directives, quoted strings, numbers and brackets, each with its line.
 
 use opsr::scene::load::error::{Result, fault};
 
-/// A word of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token {
     Word(String),
@@ -12,7 +11,7 @@ pub(super) enum Token {
     Close,
 }
 
-/// Words of a text, one after another.
+/// Tokens of a text, read one after another.
 pub(super) struct Tokens {
     text: Vec<u8>,
     at: usize,
@@ -40,7 +39,7 @@ impl Tokens {
         }
     }
 
-    /// Place of the next word.
+    /// Place of the next token.
     pub(super) fn place(&self) -> String {
         self.place_of(self.ahead.as_ref().map_or(self.line, |(_, line)| *line))
     }
@@ -68,7 +67,8 @@ impl Tokens {
                     self.line += 1;
                     self.at += 1;
                 }
-                // All that ends a word, form feeds too: a word that began there would be empty, and so would all after it.
+                // All white space, form feeds too: a word that starts with one would be empty, and so would all after
+                // it.
                 _ if byte.is_ascii_whitespace() => self.at += 1,
                 b'#' => {
                     let rest = &self.text[self.at..];
@@ -123,7 +123,7 @@ impl Tokens {
         }
     }
 
-    /// So many numbers, in brackets or not.
+    /// A fixed number of finite numbers, with brackets or without.
     pub(super) fn numbers<const N: usize>(&mut self) -> Result<[f64; N]> {
         let place = self.place();
         let bracket = self.peek()? == Some(&Token::Open);
@@ -169,7 +169,7 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// Reads all that follow.
+    /// Reads the parameters up to the next directive.
     pub(super) fn read(tokens: &mut Tokens, place: String) -> Result<Self> {
         let mut list = Vec::new();
         while let Some(Token::Quoted(_)) = tokens.peek()? {
@@ -237,7 +237,7 @@ impl Parameters {
         match self.get(name).map(|p| (p.kind.as_str(), &p.values)) {
             None => Ok(or),
             Some((_, Values::Flags(all))) if all.len() == 1 => Ok(all[0]),
-            // pbrt-v3's way.
+            // The form of pbrt-v3.
             Some(("bool", Values::Texts(all))) if *all == ["true"] => Ok(true),
             Some(("bool", Values::Texts(all))) if *all == ["false"] => Ok(false),
             Some(_) => Err(fault(
@@ -248,7 +248,7 @@ impl Parameters {
     }
 }
 
-/// The values that follow: one, or those in brackets.
+/// The values of a parameter: a single one, or those in brackets.
 pub(super) fn values(tokens: &mut Tokens, at: &str) -> Result<Values> {
     let bad = |what: &str| fault(at, what);
     let mut all = Vec::new();

@@ -12,8 +12,8 @@ use opsr::math::Rgb;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::{TextureRef, Wrap};
 
-/// From a colour space of pbrt to linear Rec. 709, with white kept white: columns (ITU-R BT.2087 for Rec. 2020; Display P3; ACES primaries 0
-/// by Bradford's adaptation, SMPTE ST 2065-1).
+/// Columns of the matrix from a colour space of pbrt to linear Rec. 709, with white preserved (ITU-R BT.2087 for Rec.
+/// 2020; Display P3; ACES primaries 0 by Bradford's adaptation, SMPTE ST 2065-1).
 pub(super) fn space(name: &str) -> Option<DMat3> {
     let columns = match name {
         "srgb" => return Some(DMat3::IDENTITY),
@@ -32,7 +32,7 @@ pub(super) fn space(name: &str) -> Option<DMat3> {
     Some(DMat3::from_cols_array(&columns))
 }
 
-/// Means of textures of noise with their usual parameters, from 0 on: by 400,000 points of Perlin's noise.
+/// Means of noise textures with default parameters, negative values taken as 0: by 400,000 points of Perlin's noise.
 const MEANS: [(&str, [f32; 3]); 4] = [
     ("fbm", [0.12; 3]),
     ("marble", [0.80, 0.80, 0.84]),
@@ -40,11 +40,11 @@ const MEANS: [(&str, [f32; 3]); 4] = [
     ("wrinkled", [0.43; 3]),
 ];
 
-/// Share of `dots`: disks of radius 0.35 in the two fifths of cells in whose middle the noise is above 0.
+/// Mean of `dots`: disks of radius 0.35 in two fifths of the cells, those with a positive noise at their centre.
 const DOTTED: f32 = 0.15;
 
 impl Scene<'_> {
-    /// The colour of a spectrum; pbrt takes those of lamps to a luminance of 1.
+    /// The colour of a spectrum; pbrt scales those of lamps to a luminance of 1.
     fn of_spectrum(spectrum: &Spectrum, meant: Meant) -> Rgb {
         match meant {
             Meant::Reflected => spectrum.reflected(),
@@ -63,7 +63,7 @@ impl Scene<'_> {
             },
             ("xyz", Values::Numbers(n)) if n.len() == 3 => rec709(DVec3::new(n[0], n[1], n[2])),
             ("float", Values::Numbers(n)) if n.len() == 1 => Rgb::splat(n[0] as f32),
-            // Version 3 has a scale behind the temperature.
+            // Version 3 has a scale after the temperature.
             ("blackbody", Values::Numbers(n)) if !n.is_empty() => {
                 black_body(n[0] as f32) * n.get(1).map_or(1.0, |scale| *scale as f32)
             }
@@ -89,7 +89,7 @@ impl Scene<'_> {
         if let Some((metal, part @ ("eta" | "k"))) = name.rsplit_once('-')
             && metal.starts_with("metal-")
         {
-            // Without its data the nearest colour of metal: copper for brass, or one that is bright and neutral.
+            // The nearest known metal: copper for brass, aluminium for the others.
             let found = metals::metal(metal);
             let other = ["metal-Al", "metal-Cu"][usize::from(metal == "metal-CuZn")];
             if found.is_none() {
@@ -112,7 +112,7 @@ impl Scene<'_> {
         Ok(Rgb::ONE)
     }
 
-    /// A colour, which may not be a texture.
+    /// A colour; of a texture, its mean with a warning.
     pub(super) fn colour(
         &mut self,
         parameters: &Parameters,
@@ -166,7 +166,7 @@ impl Scene<'_> {
         Ok(paint)
     }
 
-    /// `Texture`.
+    /// Reads a `Texture`.
     pub(super) fn texture(
         &mut self,
         name: String,
@@ -236,7 +236,7 @@ impl Scene<'_> {
     fn product(&mut self, parameters: &Parameters) -> Result<Paint> {
         let place = &parameters.place;
         let tex = match parameters.get("tex1") {
-            // pbrt-v3's names.
+            // The names of pbrt-v3.
             Some(_) => ["tex1", "tex2"],
             None => ["tex", "scale"],
         };
@@ -245,7 +245,7 @@ impl Scene<'_> {
             self.paint(parameters, tex[1], Paint::from(1.0))?,
         ];
         Ok(if a.map.is_none() || b.map.is_none() {
-            // One image is itself, whatever colour multiplies it.
+            // The product with a colour only changes the factor of a texture.
             Paint {
                 factor: a.factor * b.factor,
                 map: a.map.or(b.map),
@@ -272,7 +272,7 @@ impl Scene<'_> {
                 Wrap::Clamp
             }
         };
-        // Version 3 has a flag in place of the encoding.
+        // Version 3 has a flag instead of the encoding.
         let own = match parameters.flag("gamma", true)? {
             true => "sRGB",
             false => "linear",
@@ -315,9 +315,9 @@ impl Scene<'_> {
         self.fields(parameters, [first, second, second, first], true)
     }
 
-    /// Four colours at the corners of [0, 1]², or in fields of that size.
+    /// Four colours at the corners of [0, 1]², or in unit squares if `sharp`.
     fn fields(&mut self, parameters: &Parameters, colours: [Rgb; 4], sharp: bool) -> Result<Paint> {
-        // Two sharp fields are a side of the texture.
+        // Two sharp fields span the texture.
         let scale = if sharp { 0.5 } else { 1.0 };
         let own = Affine2::from_scale(Vec2::splat(scale));
         let (upward, second) = self.upward(parameters)?;

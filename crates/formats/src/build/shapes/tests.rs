@@ -1,6 +1,6 @@
 use super::*;
 
-/// Area by the triangles, and true if fronts are where normals point.
+/// Area of the triangles. Asserts that their fronts are on the side of the normals.
 fn area(mesh: &Mesh) -> f64 {
     let of = |face: &[u32; 3]| {
         let [a, b, c] = face.map(|i| mesh.positions[i as usize]);
@@ -38,7 +38,7 @@ fn shapes_have_their_areas_and_face_outwards() {
         area(&bowl)
     );
     close(&revolved(|v| Vec3::new(0.6, 0.8, 2.0 * v), TAU), 4.0 * pi);
-    // A bent tube: its sides are chords, each of a sixth.
+    // A bent tube: its cross-section is a hexagon.
     let bend: Vec<(Vec3, f32)> = (0..=64)
         .map(|i| {
             let (sin, cos) = (i as f32 / 64.0 * PI).sin_cos();

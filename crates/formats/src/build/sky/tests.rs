@@ -1,12 +1,12 @@
 use super::*;
 
-/// Illuminance on the ground, sun and sky apart, at the height at which Mitsuba's was measured: 0.777 and 0.236.
+/// Illuminance on the ground of the sun and of the sky, against values measured in Mitsuba: 0.777 and 0.236.
 #[test]
 fn skies_are_as_bright_as_mitsubas_on_the_whole() {
     let height = 40f64.to_radians();
     let sun = DVec3::new(height.cos(), 0.0, height.sin());
     let [bright, dim] = [1.0, 0.0].map(|of_sun| around(sun, DVec3::Z, 3.0, [1.0, of_sun]));
-    // The upper half of a map around +z, texel by texel: fine enough for a sun of half a degree.
+    // The upper half of a map around +z, fine enough for a sun of half a degree.
     let ground = |sky: &Environment| {
         let (rows, columns) = (2048, 4096);
         let sum: f64 = (0..rows / 2)
@@ -29,12 +29,12 @@ fn skies_are_as_bright_as_mitsubas_on_the_whole() {
     assert!(((all - alone) / 0.777 - 1.0).abs() < 0.005, "{all}");
     assert!((alone / 0.236 - 1.0).abs() < 0.005, "{alone}");
     assert_eq!(bright.radiance(Vec3::NEG_Z), Rgb::ZERO);
-    // The sun is where it was put.
+    // The sun is in the given direction.
     let at = |dir: DVec3| luminance(bright.radiance(dir.as_vec3()));
     assert!(at(sun) > 1000.0 * at(DVec3::new(-sun.x, 0.0, sun.z)));
 }
 
-/// A sky of 1 gives π, and a sun of two per cent of the sphere what its cosine says.
+/// The illuminance of a sky of 1 is π, and that of a bright texel follows from its solid angle and cosine.
 #[test]
 fn sky_illuminance_is_that_of_a_patch_that_faces_up() {
     for side in [1, 4, 64, 700] {
@@ -56,7 +56,7 @@ fn sky_illuminance_is_that_of_a_patch_that_faces_up() {
     assert_eq!(illuminance(&dark), 0.0);
 }
 
-/// The mapping keeps areas: directions that are uniform on the sphere are uniform in the square.
+/// The mapping preserves areas: directions that are uniform on the sphere are uniform in the square.
 #[test]
 fn sky_square_is_of_equal_areas_and_its_middle_is_up() {
     assert!(square(DVec3::Z).iter().all(|x| (x - 0.5).abs() < 1e-9));
@@ -89,7 +89,7 @@ fn sky_square_is_of_equal_areas_and_its_middle_is_up() {
     }
 }
 
-/// A map of one bright texel shines from where it should, with its energy.
+/// A bright texel of a map is found in its direction, and a rotation keeps its energy.
 #[test]
 fn sky_texels_go_where_they_belong() {
     let map = Buffer::from_fn(32, 16, |x, y| {
