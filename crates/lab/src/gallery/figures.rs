@@ -1,4 +1,4 @@
-//! Scenes with the kinds of paths that figures of the papers show.
+//! Scenes with the kinds of paths that the papers' figures show.
 
 use super::{open_box, v2, v3};
 use crate::gallery::shapes::{cuboid, cylinder, height_field, quad, room, sphere, torus};
@@ -6,8 +6,8 @@ use opsr::math::{Rgb, Vec3};
 use opsr::scene::procedural::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
 use opsr::scene::{Material, Mesh, PunctualLight, SceneParts};
 
-/// A torus of rough gold closed in a cube of smooth glass, under a small lamp: light on it comes by way of the glass and of other
-/// parts of it, and is seen by way of the glass. `[UPS]` Fig. 15.
+/// A torus of rough gold inside a cube of smooth glass, under a small lamp. Light reaches the torus, and the camera
+/// sees it, only through the glass. `[UPS]` Fig. 15.
 pub(super) fn torus_in_glass() -> SceneParts {
     let mut parts = open_box(0.1, 300.0);
     let turn = [0.4, 0.0, 0.0];
@@ -19,10 +19,10 @@ pub(super) fn torus_in_glass() -> SceneParts {
     parts
 }
 
-/// Lights of a panel: as many as in `[PSR]` Figs. 1 and 6.
+/// Lights of a panel: the number in `[PSR]` Figs. 1 and 6.
 const LEDS: usize = 4_194;
 
-/// Three letters of five by seven cells.
+/// Three letters of five by seven cells each.
 const LETTERS: [&str; 7] = [
     "####. .#### ####.",
     "#...# #.... #...#",
@@ -36,9 +36,9 @@ const LETTERS: [&str; 7] = [
 /// Radiant intensity of all lights of a panel.
 const PANEL: Rgb = v3(7.0, 6.4, 5.6);
 
-/// Lights of a panel of this width around `at`, to be read from +z, or from −z in a mirror.
+/// Positions of the lights of a panel of this width around `at`: readable from +z, or from −z in a mirror.
 fn leds(at: Vec3, width: f32) -> Vec<Vec3> {
-    // Lights a side of a cell, and cells of a line.
+    // Lights along a side of a cell, and cells in a line.
     let (side, cells) = (10, 17);
     let mut places = Vec::new();
     for (row, line) in LETTERS.iter().enumerate() {
@@ -60,9 +60,9 @@ fn leds(at: Vec3, width: f32) -> Vec<Vec3> {
 /// Kind of the lights of a panel.
 #[derive(Clone, Copy)]
 pub(super) enum Led {
-    /// Points, whose mirror image no path finds.
+    /// Points: no path of the camera can find their mirror image.
     Point,
-    /// Small balls of the same intensity, whose mirror image is what that of points tends to.
+    /// Small balls of the same intensity, which approximate the mirror image of the points.
     Ball,
 }
 
@@ -92,7 +92,7 @@ impl Led {
                         .cross(corner(c) - corner(a))
                         .length()
                 };
-                // A convex body shows a quarter of its surface on average.
+                // The projected area of a convex body is on average a quarter of its surface.
                 let shown = 0.25 * ball.indices.iter().map(area).sum::<f32>();
                 let balls = places.into_iter().map(|at| ball.clone().moved(at));
                 parts.add(emitter("leds", intensity / shown), [Mesh::joined(balls)]);
@@ -125,7 +125,7 @@ pub(super) fn panel_in_mirror(led: Led) -> SceneParts {
     parts
 }
 
-/// A panel of thousands of small lights over waves of water, which the camera sees by reflection in it alone. `[PSR]` Fig. 6.
+/// A panel of thousands of small lights over waves of water, visible only by reflection in the water. `[PSR]` Fig. 6.
 pub(super) fn panel_over_water(led: Led) -> SceneParts {
     let mut parts = SceneParts::default();
     let waves =

@@ -142,7 +142,7 @@ fn punctual(light: &PunctualLight) -> (Value, Value) {
 
 fn camera(camera: &Camera) -> Value {
     let aspect = camera.aspect;
-    // A node has an upright frame, so that a mirrored one is in the magnification.
+    // A node's frame is upright, so a mirrored frame is written as a negative magnification.
     let Frame { s, t, n } = camera.frame;
     let mirrored = s.dot(t.cross(n)).signum();
     match camera.projection {
@@ -168,7 +168,7 @@ fn camera(camera: &Camera) -> Value {
 }
 
 fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
-    // What an unlit material emits is its base colour in a file.
+    // In a file the base colour of an unlit material is its emission.
     let base = if m.unlit { m.emission } else { m.base_color };
     let [r, g, b] = base.to_array();
     let mut value = json!({
@@ -242,7 +242,7 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
     value
 }
 
-/// Values of a material that no extension has.
+/// Values of a material for which no extension exists.
 fn extras(m: &Material) -> Map<String, Value> {
     let mut extras = Map::new();
     if m.priority != 0.0 {
@@ -262,7 +262,7 @@ fn extras(m: &Material) -> Map<String, Value> {
     extras
 }
 
-/// Adds the extensions of reflection, coat, brushing, fibres and film.
+/// Adds the extensions of specular reflection, clear coat, anisotropy, sheen and iridescence.
 fn add_finish(m: &Material, extensions: &mut Map<String, Value>) {
     if (m.specular, m.specular_color) != (1.0, Rgb::ONE) {
         extensions.insert("KHR_materials_specular".into(), specular(m));
@@ -316,8 +316,8 @@ const EXTENSIONS: [&str; 12] = [
     "KHR_materials_specular",
 ];
 
-/// Absorption as the colour after the distance at which the strongest channel has fallen to 1/e. Any thickness above zero
-/// declares that the surface bounds a body; the mesh is its shape.
+/// Absorption as the colour after the distance at which the strongest channel falls to 1/e. A positive thickness
+/// declares that the surface bounds a body with the shape of the mesh.
 fn volume(absorption: Rgb) -> Value {
     let strongest = absorption.max_element();
     if strongest <= 0.0 {
@@ -339,7 +339,7 @@ fn specular(m: &Material) -> Value {
     value
 }
 
-/// The lists of a file under construction.
+/// The lists and the binary chunk of a file under construction.
 #[derive(Default)]
 struct Writer {
     bytes: Vec<u8>,
@@ -402,7 +402,7 @@ impl Writer {
         self.accessors.push(accessor);
     }
 
-    /// Appends native bytes (little-endian on all supported platforms) as a view of their own.
+    /// Appends native bytes (little-endian on all supported platforms) as a buffer view; returns an accessor of it.
     fn accessor(&mut self, bytes: &[u8], component: u32, width: usize, target: u32) -> Value {
         let size = if component == 5123 { 2 } else { 4 };
         let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"][width - 1];

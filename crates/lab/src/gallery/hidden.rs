@@ -1,4 +1,4 @@
-//! Scenes whose light is hidden: it comes by ways so narrow that an estimator may meet none of it, and state no error.
+//! Scenes with light on paths so narrow that an estimator may find none of it and state no error.
 //!
 //! They are held out: no table is trained on them.
 
@@ -9,7 +9,7 @@ use opsr::math::{Rgb, Vec3};
 use opsr::scene::procedural::materials::{COPPER, coated, diffuse, emitter, glass, metal};
 use opsr::scene::{Environment, Material, Mesh, PunctualLight, SceneParts};
 
-/// Radiance of the sun's irradiance in most of these scenes.
+/// Colour of the sun; scenes scale it to irradiance or radiance.
 const SUN: Rgb = v3(1.0, 0.95, 0.85);
 
 /// A horizontal square of this half width that faces up.
@@ -21,7 +21,7 @@ fn floor(half: f32) -> Mesh {
     )
 }
 
-/// A ball of glass in the sun on a floor of this half width. The camera sees the same few metres of it whatever the width.
+/// A ball of glass in the sun on a floor of this half width. The camera's view of it does not depend on the width.
 pub(super) fn ball_on_floor(half: f32) -> SceneParts {
     let mut parts = SceneParts::default();
     parts.add(diffuse("floor", Rgb::splat(0.5)), [floor(half)]);
@@ -56,7 +56,7 @@ pub(super) fn sun_through_pane() -> SceneParts {
     let white = diffuse("walls", v3(0.75, 0.72, 0.66));
     parts.add(white.clone(), [left, ceiling, back, front]);
     parts.add(diffuse("floor", v3(0.45, 0.3, 0.2)), [floor]);
-    // The wall on the right, thick enough for no light to pass, around an opening of 1.2 m by 1.2 m.
+    // The wall on the right is opaque and thick, with an opening of 1.2 m by 1.2 m.
     let part = |z: [f32; 2], y: [f32; 2]| cuboid(v3(2.0, y[0], z[0]), v3(2.2, y[1], z[1]));
     let wall = [
         part([-2.2, -0.6], [-0.2, 2.7]),
@@ -81,13 +81,13 @@ pub(super) fn sun_through_pane() -> SceneParts {
     parts
 }
 
-/// A puddle on a pavement below a street lamp, whose light it throws at a wall.
+/// A puddle on a pavement, which reflects the light of a street lamp to a wall.
 pub(super) fn street_lamp() -> SceneParts {
     let mut parts = SceneParts::default();
     parts.add(diffuse("asphalt", Rgb::splat(0.12)), [floor(30.0)]);
     let wall = quad(v3(-30.0, 0.0, -1.6), Vec3::X * 60.0, Vec3::Y * 8.0);
     parts.add(diffuse("wall", v3(0.55, 0.45, 0.38)), [wall]);
-    // A film of water is a mirror of few per cent over the asphalt below it.
+    // A film of water reflects a few per cent over dark asphalt.
     let waves =
         |x: f64, z: f64| 0.004 + 0.0006 * ((23.0 * x + 9.0 * z).sin() + (31.0 * z - 8.0 * x).sin());
     let puddle = height_field(v2(-0.6, -0.9), v2(0.7, 0.3), [64, 64], waves);
@@ -108,7 +108,7 @@ pub(super) fn street_lamp() -> SceneParts {
     parts
 }
 
-/// A glass on a table in a field of a kilometre, under a sky map with a sun of a few texels.
+/// A glass on a table in a field of one kilometre, under a sky map whose sun is a single texel.
 pub(super) fn glass_in_field() -> SceneParts {
     let mut parts = SceneParts::default();
     parts.add(diffuse("field", v3(0.25, 0.3, 0.12)), [floor(500.0)]);
@@ -137,8 +137,8 @@ pub(super) fn glass_in_field() -> SceneParts {
     parts
 }
 
-/// A small bright plate above a floor, under a dim sky that is a mesh: nearly all power is the sky's, nearly all light on
-/// the floor is the plate's.
+/// A small bright plate above a floor, under a dim sky that is a mesh: the sky has nearly all power, the plate gives
+/// nearly all light on the floor.
 pub(super) fn plate_under_mesh_sky() -> SceneParts {
     let mut parts = SceneParts::default();
     parts.add(diffuse("floor", Rgb::splat(0.5)), [floor(2.0)]);

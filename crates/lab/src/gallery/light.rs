@@ -9,13 +9,13 @@ use opsr::scene::procedural::materials::{
 use opsr::scene::{Environment, Mesh, PunctualLight, SceneParts};
 use std::f32::consts::PI;
 
-/// The caustic box with a small light, behind a pane of smooth glass: its caustics are seen through a Dirac lobe, and
-/// their light comes by way of another.
+/// The caustic box with a small light, behind a pane of smooth glass: light and camera both reach its caustics only
+/// through Dirac lobes.
 pub(super) fn caustic_behind_glass() -> SceneParts {
     let mut parts = caustic_box();
     let light = parts.materials.iter().position(|m| m.name == "light");
     let light = light.expect("a light") as u32;
-    // An edge of 0.1 in place of 0.4.
+    // The light's edge becomes 0.1 instead of 0.4, at equal power.
     parts.materials[light as usize].emission *= 16.0;
     for mesh in parts.meshes.iter_mut().filter(|m| m.material == light) {
         mesh.positions
@@ -87,7 +87,7 @@ pub(super) fn shaded_lamp() -> SceneParts {
     parts
 }
 
-/// A leaf of this length that bends to the lamp, without thickness.
+/// A leaf of this length without thickness, bent towards the lamp.
 fn blade(root: Vec3, length: f32) -> Mesh {
     const STEPS: u32 = 16;
     let mut mesh = Mesh::default();
@@ -111,10 +111,10 @@ fn blade(root: Vec3, length: f32) -> Mesh {
     mesh
 }
 
-/// Edges a side of the water's surface.
+/// Cells along a side of the water's surface.
 const WAVES: u32 = 64;
 
-/// Direction and irradiance of the sun of the pools.
+/// Direction and irradiance of the sun over the pools.
 const SUNSHINE: (Vec3, Rgb) = (v3(0.35, -1.0, -0.2), v3(4.0, 3.8, 3.4));
 
 /// The pool under a sun without extent, which plain path tracing cannot find through the water.
@@ -127,16 +127,16 @@ pub(super) fn sun_pool() -> SceneParts {
     parts
 }
 
-/// Distance and angular radius of the sun that is a disc.
+/// Distance and angular radius of the sun's disc.
 const FAR: f32 = 60.0;
 const HALF_ANGLE: f32 = 0.75 * PI / 180.0;
 
-/// The pool under a disc of 1.5 degrees, which plain path tracing finds by chance alone: one path in thousands.
+/// The pool under a disc of 1.5 degrees, which plain path tracing finds only by chance: one path in thousands.
 pub(super) fn pool_in_the_sun() -> SceneParts {
     under_disc(pool())
 }
 
-/// The same with water of another depth, seen from above.
+/// The pool with water of another depth, from above.
 pub(super) fn pool_of(depth: f32) -> SceneParts {
     let mut parts = water_of(depth);
     parts.add_camera([0.0, 3.6, 1.2], [0.0, LEVEL - 0.5 * depth, 0.0], 40.0);
@@ -147,7 +147,7 @@ pub(super) fn pool_of(depth: f32) -> SceneParts {
 fn under_disc(mut parts: SceneParts) -> SceneParts {
     let towards = -SUNSHINE.0.normalize();
     let turned = |v: Vec3| {
-        // The rotation that brings the axis of the disc to the direction that it shines to.
+        // The rotation from the disc's axis to the direction of its light.
         let axis = Vec3::Y.cross(-towards);
         v + axis.cross(v) + axis.cross(axis.cross(v)) / (1.0 - Vec3::Y.dot(towards))
     };
@@ -161,7 +161,8 @@ fn under_disc(mut parts: SceneParts) -> SceneParts {
     parts
 }
 
-/// A tiled pool under a dim sky, seen through the smooth surface of its water: every sunny path passes it twice.
+/// A tiled pool under a dim sky, seen through the smooth surface of its water: every path from the sun crosses it
+/// twice.
 fn pool() -> SceneParts {
     let mut parts = water_of(LEVEL);
     parts.add_camera([0.0, 2.3, 2.0], [0.0, 0.3, 0.0], 42.0);
@@ -171,7 +172,7 @@ fn pool() -> SceneParts {
 /// Height of the surface of the water.
 const LEVEL: f32 = 0.8;
 
-/// The pool with water of this depth, without a camera.
+/// The pool with water of this depth, without camera.
 fn water_of(depth: f32) -> SceneParts {
     let mut parts = SceneParts::default();
     let (low, high) = (v3(-1.0, LEVEL - depth, -1.0), v3(1.0, LEVEL, 1.0));
@@ -179,7 +180,7 @@ fn water_of(depth: f32) -> SceneParts {
     let tiles = diffuse("tiles", v3(0.5, 0.7, 0.75));
     parts.add(tiles, [left, right, floor, back, front]);
     let mut body = cuboid(low, high);
-    // Its upper side.
+    // Without its upper side, which the waves replace.
     body.indices.drain(6..8);
     parts.add(glass("water", 1.33, 0.0), [body, waves(low, high)]);
     let radius = f32::min(0.25, 0.35 * depth);
@@ -223,7 +224,7 @@ fn waves(low: Vec3, high: Vec3) -> Mesh {
     mesh
 }
 
-/// A box, a glossy box and a glass box under a small light: `[UPS]` Fig. 13.
+/// A diffuse, a glossy and a glass box under a small light: `[UPS]` Fig. 13.
 pub(super) fn three_boxes() -> SceneParts {
     let mut parts = open_box(0.1, 300.0);
     let block = |w: f32, h: f32| cuboid(v3(-w, 0.0, -w), v3(w, h, w));
@@ -244,8 +245,8 @@ pub(super) fn three_boxes() -> SceneParts {
     parts
 }
 
-/// Two rooms and a door between them that stands ajar: all light of the room that the camera sees comes through the gap,
-/// from a lamp that shines at the other room's ceiling. After Veach's scene.
+/// Two rooms with a door ajar between them: all light in the visible room comes through the gap, from a lamp that faces
+/// the other room's ceiling. After Veach.
 pub(super) fn door_ajar() -> SceneParts {
     let mut parts = SceneParts::default();
     let (low, high) = (v3(-2.0, 0.0, -1.5), v3(2.0, 2.2, 1.5));

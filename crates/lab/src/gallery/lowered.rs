@@ -1,4 +1,4 @@
-//! Lowers a scene of another format to the models of glTF.
+//! Converts a scene of another format to the material and light models of glTF.
 
 use opsr::bsdf::fresnel::conductor;
 use opsr::math::{Rgb, Vec2};
@@ -6,7 +6,7 @@ use opsr::scene::finish::{ExactCover, Finish, Translucency};
 use opsr::scene::light::Falloff;
 use opsr::scene::{AlphaMode, Material, PunctualLight, SceneParts, Texture, TextureRef};
 
-/// Scene parts that [`glb`](super::glb) writes, and what is different in them.
+/// Scene parts that [`glb`](super::glb) can write, and their differences from the original.
 #[derive(Clone, Debug)]
 pub struct Lowered {
     /// The parts.
@@ -17,7 +17,7 @@ pub struct Lowered {
     pub changed: Vec<String>,
 }
 
-/// Makes of scene parts what a glTF file can hold.
+/// Converts scene parts to those that a glTF file can express.
 pub fn lowered(mut parts: SceneParts) -> Lowered {
     let (mut lost, mut changed) = (Vec::new(), Vec::new());
     let count = |list: &mut Vec<String>, n: usize, what: &str| {
@@ -86,7 +86,7 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
     );
     for mesh in &mut parts.meshes {
         mesh.tangents.clear();
-        // In a file colours count wherever a mesh has them.
+        // A glTF file applies colours wherever a mesh has them.
         let finish = &parts.materials[mesh.material as usize].finish;
         if !finish.as_ref().is_some_and(|f| f.has_colors) {
             mesh.colors.clear();
@@ -99,7 +99,7 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
     }
 }
 
-/// A material without what glTF has no words for, and without its textures.
+/// A material without textures and without features that glTF does not have.
 fn plain(material: &Material, textures: &[Texture]) -> Material {
     let mean = |map: &Option<TextureRef>| {
         let texture = (map.as_ref()).and_then(|map| textures.get(map.texture as usize));
@@ -174,7 +174,7 @@ fn plain(material: &Material, textures: &[Texture]) -> Material {
     out
 }
 
-/// Base colour and translucency of glTF, where reflection and transmission share the base.
+/// Base colour and translucency for glTF, where reflection and transmission share one base.
 fn shared_base(base: Rgb, weight: f32, color: Rgb, keeps_base: bool) -> (Rgb, Translucency) {
     let plain = |weight: f32, color: Rgb| Translucency {
         weight,
@@ -186,7 +186,7 @@ fn shared_base(base: Rgb, weight: f32, color: Rgb, keeps_base: bool) -> (Rgb, Tr
     if !keeps_base {
         return (base, plain(weight, color));
     }
-    // Scaled down as where it is rendered.
+    // Scaled down to a sum of 1, as when it is rendered.
     let most = (base + weight * color).max_element().max(1.0);
     let (base, passed) = (base / most, weight * color / most);
     let (kept, through) = (base.max_element(), passed.max_element());

@@ -1,5 +1,5 @@
-//! The scenes that this project carries: small ones with known answers for tests and documentation, and the scenes of
-//! `training_scenes/`, which [`training`] builds.
+//! The scenes of this project: small ones with known answers for tests and documentation, and the scenes of
+//! `training_scenes/`, built by [`training`].
 //!
 //! ```
 //! let parts = opsr_lab::gallery::caustic_box();
@@ -83,8 +83,8 @@ pub fn builtin(name: &str) -> Option<SceneParts> {
         .map(|(_, build)| build())
 }
 
-/// Writes builtin scenes as `NAME.glb` into a folder, which is created if it does not exist; returns the files. Names of no
-/// scene are left out. A scene with an environment or with textures is an error.
+/// Writes builtin scenes as `NAME.glb` into a folder, which is created if necessary; returns the files. Unknown names
+/// are skipped. A scene with an environment, textures or shared meshes is an error.
 pub fn write<'a>(
     names: impl IntoIterator<Item = &'a str>,
     folder: &Path,
@@ -122,8 +122,8 @@ pub fn furnace_sphere(albedo: f32) -> SceneParts {
     parts
 }
 
-/// The box x, z ∈ [−1, 1], y ∈ [0, 2], open towards +z, red on the left and green on the right, with a square light of
-/// the given edge under the ceiling and a camera that sees all of it.
+/// The box x, z ∈ [−1, 1], y ∈ [0, 2], open towards +z, red on the left and green on the right. A square light of the
+/// given edge is under the ceiling, and the camera shows all of the box.
 pub(crate) fn open_box(light_edge: f32, radiance: f32) -> SceneParts {
     let mut parts = SceneParts::default();
     let [left, right, floor, ceiling, back, _] =
@@ -173,8 +173,8 @@ pub fn caustic_box() -> SceneParts {
     parts
 }
 
-/// Legs, an arm, a rim and a sheet, all but a few pixels wide, under a lamp that is not seen: all that a picture shows is
-/// near an edge.
+/// Legs, an arm, a rim and a sheet, mostly a few pixels wide, under a lamp outside of the picture: every visible
+/// surface is near an edge.
 pub fn thin_parts() -> SceneParts {
     let mut parts = SceneParts::default();
     let legs = (0..4u8).map(|i| {

@@ -1,4 +1,4 @@
-//! Shapes of the gallery's scenes beside those of the library, which are here too. The front of closed shapes is the outside.
+//! Shapes of the gallery's scenes, with the library's re-exported. The front of closed shapes is the outside.
 //!
 //! Trigonometry is done in double precision and rounded once, so that files do not depend on a platform's `sinf`.
 
@@ -96,7 +96,7 @@ pub fn revolve(profile: &[Vec2], closed: bool, segments: u32) -> Mesh {
         Vec2::new(d.y, -d.x).normalize_or_zero()
     };
     let mut mesh = Mesh::default();
-    // First and last ring of each piece.
+    // First and last ring of each segment of the profile.
     let mut ends = Vec::with_capacity(pieces);
     let mut before: Option<(Vec<u32>, Vec2)> = None;
     let mut first = None;
@@ -205,7 +205,7 @@ pub fn height_field(
     mesh
 }
 
-/// A smooth curve through the points, `steps` pieces between neighbours (uniform Catmull–Rom).
+/// A smooth curve through the points, with `steps` segments between neighbours (uniform Catmull–Rom).
 pub fn curve(points: &[Vec2], steps: u32) -> Vec<Vec2> {
     let at = |i: isize| points[i.clamp(0, points.len() as isize - 1) as usize];
     let mut out = vec![points[0]];

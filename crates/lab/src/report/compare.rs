@@ -1,4 +1,4 @@
-//! Pictures against a reference: every metric of every picture, as numbers, a text table and error maps.
+//! Pictures against a reference: every metric of every picture as numbers, a text table and error maps.
 
 use std::fmt::{self, Write};
 use std::path::Path;
@@ -19,9 +19,9 @@ pub struct Named {
     pub name: String,
     /// Linear RGB.
     pub picture: Buffer,
-    /// True if values above 1 have a meaning: for EXR, not for PNG and JPEG.
+    /// True if values above 1 are meaningful: for EXR, but not for PNG and JPEG.
     pub hdr: bool,
-    /// The frame and the part of it that the picture shows; `None` if it reaches beyond.
+    /// The frame and the part of it that the picture shows; `None` if the picture reaches beyond the frame.
     pub part: Option<(UVec2, Window)>,
 }
 
@@ -42,7 +42,7 @@ impl Named {
         Self::load_layer(path, None)
     }
 
-    /// Reads a [layer](exr::Layers::layer) of an EXR file; without one as [`Named::load`] does.
+    /// Reads a [layer](exr::Layers::layer) of an EXR file; `None` reads the picture, as [`Named::load`] does.
     pub fn load_layer(path: &Path, layer: Option<&str>) -> Result<Self, FileError> {
         let ending = path
             .extension()
@@ -76,8 +76,8 @@ impl Named {
         }
     }
 
-    /// The picture of a window of a frame; `None` if it shows another frame, or not all of the window. A picture that is
-    /// just as large as the window is taken for it.
+    /// The picture of a window of a frame; `None` if it shows another frame or not all of the window. A picture of the
+    /// window's size is accepted as it is.
     pub fn showing(mut self, frame: UVec2, window: Window) -> Option<Buffer> {
         let size = (window.w as usize, window.h as usize);
         if self.part.is_some_and(|(own, _)| own == frame) {
@@ -86,7 +86,7 @@ impl Named {
         (self.picture.size() == size).then_some(self.picture)
     }
 
-    /// The picture inside a window of its frame, which it must show.
+    /// Cuts the picture to a window of its frame, if it shows all of it.
     fn cut(&mut self, to: Window) {
         if let Some((_, from)) = self.part.as_mut().filter(|(_, from)| to.inside(from)) {
             let (x, y) = ((to.x - from.x) as usize, (to.y - from.y) as usize);
@@ -98,8 +98,8 @@ impl Named {
     }
 }
 
-/// Cuts pictures that show different parts of one frame to the part that all of them show. Returns that part; `None` if
-/// there is nothing to cut, or no such part.
+/// Cuts pictures that show different parts of one frame to the common part. Returns that part; `None` if nothing was
+/// cut.
 pub fn cut_to_common(pictures: &mut [Named]) -> Option<Window> {
     let parts: Option<Vec<(UVec2, Window)>> = pictures.iter().map(|p| p.part).collect();
     let parts = parts?;
@@ -117,11 +117,11 @@ pub fn cut_to_common(pictures: &mut [Named]) -> Option<Window> {
 /// Options of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Pixels per degree of sight, for FLIP.
+    /// Pixels per degree of the visual field, for FLIP.
     pub ppd: f64,
-    /// Stops by which pictures are brightened for LDR-FLIP.
+    /// Exposure of pictures and reference for LDR-FLIP, in stops.
     pub exposure: f32,
-    /// The pictures are renders of one scene with several seeds: tell bias and variance apart.
+    /// True if the pictures are renders of one scene with several seeds: bias and variance are separated.
     pub seeds: bool,
 }
 
@@ -154,9 +154,9 @@ pub struct PictureErrors {
     pub name: String,
     /// All numbers, in the same order for every picture.
     pub metrics: Vec<Metric>,
-    /// The pixel that is furthest off.
+    /// The pixel with the largest error.
     pub worst: Worst,
-    /// Error maps in [0, 1], by name.
+    /// Error maps by name, from 0; the colour scale ends at 1.
     #[serde(skip)]
     pub maps: Vec<(&'static str, Vec<f32>)>,
 }
@@ -173,7 +173,7 @@ pub struct Comparison {
     /// Bias and variance over all pictures, if they are seeds of one render.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seeds: Option<BiasVariance>,
-    /// Metrics that are left out, and why.
+    /// Metrics that are left out, with the reason.
     pub notes: Vec<String>,
 }
 
@@ -193,7 +193,7 @@ pub fn compare(
     compare_with(pictures, reference, options, |_| ())
 }
 
-/// Compares each picture with the reference, and calls `begin` with each before it does so: large pictures take seconds.
+/// Compares each picture with the reference. `begin` is called before each comparison: large pictures take seconds.
 pub fn compare_with(
     pictures: &[Named],
     reference: &Named,
@@ -216,7 +216,7 @@ pub fn compare_with(
                 notes.push(format!("HDR-FLIP: left out, {e}"));
                 false
             }
-            // Every other fault is the comparison's own and is met again below.
+            // `entry` reports every other error below.
             _ => true,
         };
     let mut entries = Vec::new();
@@ -306,7 +306,7 @@ impl PictureErrors {
     }
 }
 
-/// Six significant digits, without an exponent where that is short.
+/// Six significant digits, without an exponent if the number is short.
 pub fn number(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || !value.is_finite() {
@@ -366,7 +366,7 @@ pub fn definition(metric: &Metric) -> String {
     let mut text = format!("{}: {}", metric.name, metric.formula);
     let mut separator = "; ";
     for (name, value) in &metric.constants {
-        // As short as it can be, after rounding to five places.
+        // Shortest decimal, after rounding to five places.
         let _ = write!(text, "{separator}{name} = {}", (value * 1e5).round() / 1e5);
         separator = ", ";
     }

@@ -1,7 +1,7 @@
 //! The 1,360 classes of paths as a picture: one cell for each.
 //!
-//! A block of rows for each number of vertices, 2 to 5. A row holds all bins of the last three vertices, the last one fastest, and is
-//! one choice of bins of the vertices before them: 1, 1, 4 and 16 rows, with an empty row between blocks.
+//! One block of rows for each number of vertices, 2 to 5. A row has all bins of the last three vertices, the last one
+//! fastest, for one choice of bins before them. Blocks have 1, 1, 4 and 16 rows, with an empty row in between.
 
 use super::html;
 use maud::{Markup, html};
@@ -11,7 +11,7 @@ use opsr::regularise::{BINS, GammaIndex, LEN};
 use opsr_metric::false_colour;
 use opsr_train::record::visits::is_live;
 
-/// Cells of a row.
+/// Cells in a row.
 const COLUMNS: usize = BINS * BINS * BINS;
 
 /// First rows of the blocks.
@@ -20,10 +20,10 @@ const FIRST: [usize; 4] = [0, 2, 4, 9];
 /// Rows of the picture.
 const ROWS: usize = FIRST[3] + BINS * BINS;
 
-/// Least factor that has a colour of its own: the least one of a recording.
+/// Least factor with a colour of its own: the least one of a recording.
 const LEAST: f32 = 0.002;
 
-/// Column and row of a class; `None` where the last vertex is in the top bin, which leaves hardly anything to roughen.
+/// Column and row of a class; `None` if the last vertex is in the top bin, which can hardly be roughened.
 fn cell(class: GammaIndex) -> Option<(usize, usize)> {
     let bins = class.bins();
     let (before, last) = bins.split_at(bins.len().saturating_sub(3));
@@ -48,7 +48,7 @@ fn picture(value: impl Fn(usize) -> Option<f32>) -> Buffer {
     picture
 }
 
-/// The learned factors of classes with events.
+/// A picture of the learned factors of classes with events.
 pub(super) fn factors(gammas: &[f32], visits: &[u64]) -> Markup {
     let factor = |gamma: f32| 1.0 - gamma.max(LEAST).ln() / LEAST.ln();
     let shown = picture(|i| (visits[i] > 0).then(|| factor(gammas[i])));
@@ -59,7 +59,7 @@ pub(super) fn factors(gammas: &[f32], visits: &[u64]) -> Markup {
     figure(&shown, &caption)
 }
 
-/// The events of all classes, and how to read pictures of them.
+/// A picture of the number of events of all classes, with an explanation of both pictures.
 pub(super) fn events(visits: &[u64]) -> Markup {
     let most = visits.iter().copied().max().unwrap_or(0).max(1);
     let seen = |count: u64| (1.0 + count as f32).ln() / (1.0 + most as f32).ln();

@@ -42,7 +42,7 @@ pub(super) fn plot(svg: &str, caption: &str) -> Markup {
     html! { figure { (PreEscaped(svg)) figcaption { (caption) } } }
 }
 
-/// The address of a picture as a PNG file inside the page, brightened by `exposure` stops.
+/// A picture as a data URI of a PNG file, brightened by `exposure` stops.
 pub(super) fn data_uri(picture: &Buffer, exposure: f32) -> String {
     // Only a picture without pixels cannot be encoded.
     let bytes = png::encode(picture, exposure).unwrap_or_default();

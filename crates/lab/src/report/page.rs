@@ -1,4 +1,4 @@
-//! The page of a comparison: numbers, and pictures to flip between at the same zoom.
+//! The page of a comparison: numbers, and pictures to alternate between at the same zoom.
 //!
 //! Without scripts the pictures stand one below the other.
 
@@ -16,7 +16,7 @@ struct Figure {
 
 /// The page of `comparison`, with pictures shown at `exposures` in stops.
 ///
-/// `pictures` are those the comparison was made of, in its order.
+/// `pictures` are those of the comparison, in its order.
 pub fn page(
     comparison: &Comparison,
     pictures: &[Named],
@@ -90,7 +90,7 @@ fn table(comparison: &Comparison) -> Markup {
     html::table("", heads, metrics.chain([worst]))
 }
 
-/// True if a picture has the smallest error of several; a ratio has its best at 1.
+/// True if a picture has the smallest error of several; the best energy ratio is 1.
 fn is_best(entries: &[PictureErrors], entry: &PictureErrors, metric: usize) -> bool {
     let error = |e: &PictureErrors| {
         let m = &e.metrics[metric];

@@ -1,7 +1,7 @@
 //! Plots as SVG: lines over two axes, and values with intervals.
 //!
-//! Ink is `currentColor`, and nothing is painted behind it: a plot takes the colours of its page, dark or light; as a
-//! file of its own it follows the reader's preference. A plot is a function of its data.
+//! Ink is `currentColor` and there is no background, so a plot takes the colours of its page, dark or light. A separate
+//! file follows the reader's preference. A plot depends only on its data.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -18,12 +18,12 @@ const FOOT: f64 = 48.0;
 const ROW: f64 = 22.0;
 const ENTRY: f64 = 18.0;
 
-/// Approximate width of a character of a label: nothing here measures text.
+/// Approximate width of a character of a label, because text is not measured.
 const CHARACTER: f64 = 6.4;
 
 const MAX_TICKS: usize = 8;
 
-/// Extent of an axis; positive where it is logarithmic.
+/// An axis from `low` to `high`; both are positive if it is logarithmic.
 pub(super) struct Axis<'a> {
     pub(super) label: &'a str,
     pub(super) low: f64,
@@ -102,7 +102,7 @@ pub(super) fn lines(x: &Axis, y: &Axis, lines: &[Line], guides: &[Guide]) -> Str
     let ticks = [x, y].map(ticks);
     let legend = 44.0 + longest(lines.iter().map(|l| l.name));
     let left = 34.0 + longest(ticks[1].iter().map(|t| t.1.as_str()));
-    // Long names leave the plot at least half of the picture.
+    // Long names leave at least half of the width to the plot.
     let right = (WIDTH - legend).max(WIDTH / 2.0);
     let bottom = HEIGHT - FOOT;
     let (x, y) = (
@@ -190,7 +190,7 @@ fn below(x: &Scale, ticks: &[(f64, String)], bottom: f64) -> Markup {
 
 fn svg(height: f64, body: Markup) -> String {
     let view = format!("0 0 {WIDTH} {height}");
-    // A narrow window scales a plot. As a file of its own it is a root, and chooses its ink.
+    // A narrow window scales a plot. In a file of its own, where it is the root, the style sets the ink.
     let style = "svg { max-width: 100%; height: auto; } \
                  @media (prefers-color-scheme: dark) { svg:root { color: #ddd; } }";
     let svg = html! {
@@ -239,10 +239,10 @@ fn longest<'a>(texts: impl Iterator<Item = &'a str>) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Positions and labels of at most [`MAX_TICKS`] ticks, as many as there is room for.
+/// Positions and labels of at most [`MAX_TICKS`] ticks.
 fn ticks(axis: &Axis) -> Vec<(f64, String)> {
     let (low, high) = (axis.low, axis.high);
-    // A few decades, with as many digits in each as there is room for; within a decade, the ticks of a linear axis.
+    // On a logarithmic axis, the most digits in each decade that fit; over a short range, linear ticks.
     if axis.log && high > 3.0 * low {
         let exponents = low.log10().floor() as i32..=high.log10().ceil() as i32;
         let digits: [&[i64]; 3] = [&[1, 2, 3, 4, 5, 6, 7, 8, 9], &[1, 2, 5], &[1]];

@@ -1,4 +1,4 @@
-//! Report of a training: the learned tables, their data, and their scores beside constant factors.
+//! Report of a training: the learned tables, their data, and their scores compared with constant factors.
 
 use super::plot::{self, Axis, Line};
 use super::{factors, html};
@@ -66,7 +66,7 @@ pub struct LearnedTable {
 pub struct CropScores {
     /// Losses without roughening: all factors are 0.
     pub plain: Vec<CropLoss>,
-    /// Losses at the start of the training.
+    /// Losses with the table at the start of the training.
     pub before: Vec<CropLoss>,
     /// Losses with the learned table.
     pub after: Vec<CropLoss>,
@@ -93,7 +93,7 @@ impl CropScores {
             .map(|(crop, (a, b))| {
                 let total: f32 = crop.reference.iter().flatten().sum();
                 let mean = total / (3 * crop.reference.len()) as f32;
-                // Middle grey at the crop's mean.
+                // The crop's mean becomes middle grey.
                 let exposure = (0.3 / mean.max(1e-20)).log2();
                 [&crop.reference, &a.mean, &b.mean].map(|pixels| {
                     let picture = Buffer {
@@ -135,7 +135,7 @@ impl Report {
         }
     }
 
-    /// The report as one HTML file that loads nothing else.
+    /// The report as one self-contained HTML file.
     pub fn html(&self) -> Result<String, ConfigError> {
         let settings = self.config.to_toml()?;
         let visits = Visits(self.visits.clone());
@@ -276,7 +276,7 @@ fn legend() -> Markup {
     }
 }
 
-/// A sentence about the factors: quantiles weighted by events, and the look-up.
+/// A sentence about the factors: their quantiles, weighted by events, and the look-up.
 fn summary(table: &AttenuationTable, visits: &[u64]) -> String {
     let mut factors: Vec<(f32, u64)> =
         (table.gammas.iter().copied().zip(visits.iter().copied())).collect();
@@ -303,7 +303,7 @@ fn summary(table: &AttenuationTable, visits: &[u64]) -> String {
     )
 }
 
-/// Scores, the first of which is the best constant.
+/// A table of scores; the first one is the best constant.
 fn scores(all: &[Score]) -> Markup {
     let best_constant = all.first().map_or(f32::NAN, |s| s.loss);
     html! {

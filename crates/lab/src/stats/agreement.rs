@@ -1,27 +1,27 @@
 //! Test that two films show the same picture up to their noise, at three scales: pixels, tiles, the whole image.
 //!
-//! Each scale catches what the others miss: a test of single pixels alone lets a uniform error of 15 % pass, a test
-//! of the whole image alone a small part that is wrong. At each place and channel the means are compared by
-//! Welch's t-test, the variance coming from the films themselves; Šidák's correction makes the chance that two
-//! equal pictures fail `SIGNIFICANCE` for everything together.
+//! Each scale detects what the others cannot. A test of single pixels alone accepts a uniform error of 15 %, a test of
+//! the whole image alone a small wrong part. At each place and channel Welch's t-test compares the means, with the
+//! variance of the films themselves. Šidák's correction makes the chance that two equal pictures fail `SIGNIFICANCE`
+//! for all tests together.
 //!
-//! Few samples with heavy tails, such as caustics, have means that are not distributed as Welch's test believes: a pixel
-//! that missed what is rare looks certain of a wrong value. So two more tests have to agree that a place differs:
+//! Few samples with heavy tails, such as caustics, have means for which Welch's test does not hold. A pixel without a
+//! rare hit has a wrong mean and a small variance. So two more tests must agree that a place differs:
 //!
 //! - Tiles and image: the differences dᵢ of pixels are independent, and symmetric about 0 where both films have the same
 //!   estimator and number of samples. Then P(|Σ dᵢ| ≥ x √Σ dᵢ²) ≤ 2 exp(−x²/2), for any tails and any number of samples
 //!   (Efron 1969, by Hoeffding's inequality over the signs).
 //! - Pixels: Welch's test again with the mean variance of the pixel's tile.
 //!
-//! Measured on 300 pairs of equal renders of `cornell_caustics`, 64 × 64 pixels: none failed with 8, 16 or 64 samples. A picture
-//! 10 % too bright failed in 21, 95 and 100 % of the pairs; one 2 % too bright in none. Rare hits against films of the same
-//! mean without them failed in every pair with Welch's test alone.
+//! Measured on 300 pairs of equal renders of `cornell_caustics`, 64 × 64 pixels: none failed with 8, 16 or 64 samples.
+//! A picture 10 % too bright failed in 21, 95 and 100 % of the pairs; a picture 2 % too bright in none. With Welch's
+//! test alone, rare hits against films of the same mean without rare hits failed in every pair.
 
 //!
-//! Pixels that share light paths, as those of bidirectional estimators do, are each as noisy as their variance says, but
-//! their sums are noisier: the standard error of the image mean is 1.4 to 2.5 times what pixels say, and more for photons of a large
-//! radius. For such a film the test of the image uses the standard error of its mean ([`Film::mean_error`]). Tiles are not
-//! tested: the covariance within them is unknown.
+//! Bidirectional estimators share light paths between pixels. The variance of each pixel is right, but sums of pixels
+//! are noisier. The standard error of the image mean is 1.4 to 2.5 times that of independent pixels, and more for
+//! photons of a large radius. For such a film the test of the image uses the standard error of its mean
+//! ([`Film::mean_error`]). Tiles are not tested, because the covariance within them is unknown.
 
 use std::fmt;
 
@@ -62,33 +62,33 @@ pub struct Deviation {
 pub struct Scale {
     /// Number of comparisons.
     pub tests: usize,
-    /// The least chance a comparison may have.
+    /// The smallest chance at which a comparison passes.
     pub threshold: f64,
     /// The comparison with the least chance; none if there was nothing to compare.
     pub worst: Option<Deviation>,
 }
 
 impl Scale {
-    /// True if there were comparisons and none is too unlikely.
+    /// True if there were comparisons and all pass.
     pub fn passed(&self) -> bool {
         self.worst.is_some_and(|w| w.p >= self.threshold)
     }
 }
 
-/// The outcome of [`agree`]. Print it to see the worst place of each scale.
+/// The outcome of [`agree`]. Its text shows the worst place of each scale.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Agreement {
     /// Single pixels.
     pub pixels: Scale,
     /// Tiles of `TILE` pixels.
     pub tiles: Scale,
-    /// Everything.
+    /// The whole image.
     pub image: Scale,
-    /// Pixels left out of all three, having fewer than two samples in one of the films.
+    /// Pixels that are left out of all scales, with fewer than two samples in one of the films.
     pub untested: usize,
-    /// True if pixels of one of the films share light paths: tiles have more noise than their pixels say, and prove nothing.
+    /// True if pixels of a film share light paths: tiles then have more noise than their pixels imply.
     pub shared: bool,
-    /// True if the error of both means is known, so that the image is judged.
+    /// True if the errors of both means are known, so that the image is judged.
     pub mean_known: bool,
 }
 
@@ -100,7 +100,7 @@ impl Agreement {
         tested >= self.untested && self.scales().into_iter().all(judged)
     }
 
-    /// Scales by name, and whether they are judged.
+    /// Scales with their names; true for a scale that is judged.
     fn scales(&self) -> [(&'static str, &Scale, bool); 3] {
         [
             ("pixels", &self.pixels, true),
@@ -159,14 +159,14 @@ pub fn agree(a: &Film, b: &Film) -> Result<Agreement, FilmError> {
     Ok(compare(a, b))
 }
 
-/// Known noise of a film's mean.
+/// The known noise of a film's mean.
 #[derive(Clone, Copy)]
 enum Known {
-    /// It is that of independent pixels.
+    /// The noise of independent pixels.
     Pixels,
     /// The squared standard error, and its degrees of freedom.
     Whole(DVec3, f64),
-    /// Nothing.
+    /// The noise is not known.
     Nothing,
 }
 
@@ -183,7 +183,7 @@ impl Known {
         }
     }
 
-    /// Puts this noise in place of that which pixels say.
+    /// Replaces the noise computed from independent pixels.
     fn apply(self, sum: &mut Estimate, pixels: usize) {
         if let Self::Whole(square, degrees) = self {
             let pixels = pixels as f64;
@@ -203,7 +203,7 @@ struct Estimate {
     spread: DVec3,
 }
 
-/// Pixels from which on the differences of a place can prove something by their signs.
+/// Least number of pixels at which the signs of their differences are a test.
 const SIGNS: usize = (TILE * TILE) as usize;
 
 impl Estimate {
@@ -223,9 +223,9 @@ impl Estimate {
 
     /// Variance and spread in a channel if the true value is `other`'s.
     ///
-    /// Samples of light are often rare hits. A pixel that by chance was hit seldom then has a low mean *and* a low
-    /// variance, and looks far more certain than it is. The variance of hits grows with the mean, so the darker
-    /// estimate gets the variance that it would have at the brighter one's value.
+    /// Samples of light are often rare hits. A pixel with few hits by chance has a low mean *and* a low variance, and
+    /// so looks far too certain. The variance of hits grows with the mean, so the darker estimate gets the variance
+    /// that it would have at the brighter value.
     fn at_least(&self, other: &Self, channel: usize) -> (f64, f64) {
         let (own, other) = (self.sum[channel], other.sum[channel]);
         let scale = if own > 0.0 && other > own {
@@ -253,8 +253,8 @@ struct Estimates {
 impl Estimates {
     fn of(a: &Moments, b: &Moments) -> Self {
         let (mut va, mut vb) = (a.variance_of_mean(), b.variance_of_mean());
-        // Two sets without any spread, say four hits against four misses, do not prove that there is none. If they
-        // show the same picture, their union has the spread.
+        // Two constant sets, such as four hits against four misses, do not prove a variance of zero. If they show the
+        // same picture, the variance is that of their union.
         let flat = (va + vb).cmpeq(DVec3::ZERO);
         let mut both = *a;
         both.merge(b);
@@ -268,7 +268,7 @@ impl Estimates {
         }
     }
 
-    /// These means with the mean variance of their surroundings.
+    /// These means with the mean variance of their tile.
     fn with_variance_of(&self, around: &Self) -> Self {
         let pixels = around.pixels as f64;
         let with = |own: &Estimate, around: &Estimate| Estimate {
@@ -290,7 +290,7 @@ impl Estimates {
         self.squares += other.squares;
     }
 
-    /// Bound of the chance of the sum of differences in a channel, given their squares; 0 for too few pixels to say.
+    /// Bound on the chance of the sum of differences in a channel, given their squares; 0 for too few pixels.
     fn by_signs(&self, channel: usize) -> f64 {
         if self.pixels < SIGNS || self.squares[channel] == 0.0 {
             return 0.0;
@@ -311,7 +311,7 @@ impl Estimates {
             } else {
                 (a - b) / variance.sqrt()
             };
-            // Without spread only rounding is left, whose size is not estimated: infinitely many degrees of freedom.
+            // Without spread only rounding is left, and its size is known: the degrees of freedom are infinite.
             let degrees = variance * variance / (sa + sb).max(f64::MIN_POSITIVE);
             Deviation {
                 window,
@@ -365,7 +365,7 @@ fn compare(a: &Film, b: &Film) -> Agreement {
     means[0].apply(&mut image.a, image.pixels);
     means[1].apply(&mut image.b, image.pixels);
     if shared {
-        // Pixels that rise and fall together have no signs of their own.
+        // Pixels with common noise do not have independent signs.
         image.squares = DVec3::ZERO;
     }
     let whole = if image.pixels > 0 {
@@ -383,7 +383,7 @@ fn compare(a: &Film, b: &Film) -> Agreement {
     }
 }
 
-/// Judges places by the less certain of two estimates each.
+/// Judges each place by the estimate with the larger chance.
 fn scale(places: &[(Window, Estimates, Estimates)]) -> Scale {
     let less_certain = |(x, y): (Deviation, Deviation)| if x.p >= y.p { x } else { y };
     let deviations = places.iter().flat_map(|(window, own, around)| {
@@ -392,7 +392,7 @@ fn scale(places: &[(Window, Estimates, Estimates)]) -> Scale {
     });
     let worst = deviations.min_by(|x, y| x.p.total_cmp(&y.p).then(y.t.abs().total_cmp(&x.t.abs())));
     let tests = 3 * places.len();
-    // Šidák: 1 − (1 − α)^(1/m), for three scales of `tests` each, without losing small α to the difference from 1.
+    // Šidák's 1 − (1 − α)^(1/m) for three scales of `tests` each, in a form without cancellation for small α.
     let threshold = -((-SIGNIFICANCE).ln_1p() / (3.0 * tests.max(1) as f64)).exp_m1();
     Scale {
         tests,

@@ -1,7 +1,7 @@
-//! Ratios of methods over seeds: paired, with intervals, and a verdict only where the interval allows one.
+//! Ratios of methods over seeds: paired, with intervals and a verdict.
 //!
-//! Every seed renders with every method, so methods are compared seed by seed: what a seed does to both cancels. A
-//! ratio is the geometric mean of the seeds' ratios, which treats a factor 2 and a factor ½ alike.
+//! Every seed is rendered with every method, and methods are compared seed by seed, so that common effects of a seed
+//! cancel. A ratio is the geometric mean of the seeds' ratios, which treats a factor 2 and a factor ½ alike.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
@@ -12,13 +12,13 @@ use super::student;
 /// Confidence of all intervals.
 pub(crate) const CONFIDENCE: f64 = 0.95;
 
-/// Fewer seeds get no verdict.
+/// Least number of seeds for a verdict.
 pub(crate) const MIN_SEEDS: usize = 5;
 
-/// Resamples of a bootstrap: the ends of an interval over five seeds rest on ten of them each.
+/// Resamples of a bootstrap. With five seeds each end of an interval depends on about ten of them.
 const RESAMPLES: usize = 10_000;
 
-/// Seed of all bootstraps: the same data give the same interval.
+/// Seed of all bootstraps: equal data give equal intervals.
 const BOOTSTRAP_SEED: u64 = 0x0b5e_55ed;
 
 /// An estimate and its `CONFIDENCE` interval.
@@ -80,7 +80,7 @@ impl Verdict {
 
 /// The geometric mean of `ours[i] / baseline[i]` with its bootstrap interval.
 ///
-/// `None` without pairs, or where a ratio is not a positive number; two zeros are equal.
+/// `None` without pairs, or if a ratio is not a positive number; two zeros have the ratio 1.
 pub(crate) fn paired_ratio(ours: &[f64], baseline: &[f64]) -> Option<Interval> {
     if ours.len() != baseline.len() {
         return None;
@@ -100,8 +100,8 @@ pub(crate) fn paired_ratio(ours: &[f64], baseline: &[f64]) -> Option<Interval> {
 
 /// The mean with its bootstrap interval: percentiles of the means of resamples.
 ///
-/// Percentiles of few values are too narrow; taking them at Φ(−√(n/(n−1)) t) instead of Φ(−z) makes up for
-/// it, exactly so for the normal distribution and many resamples. [Hesterberg15 §5]
+/// Percentiles of few values are too narrow. Taking them at Φ(−√(n/(n−1)) t) instead of Φ(−z) compensates, exactly for
+/// the normal distribution and many resamples. [Hesterberg15 §5]
 pub(crate) fn bootstrap_mean(values: &[f64]) -> Option<Interval> {
     let n = values.len();
     let value = mean(values)?;
@@ -154,11 +154,11 @@ pub(crate) fn mean_interval(values: &[f64]) -> Option<Interval> {
     })
 }
 
-/// Squared bias from the products of the seeds' errors.
+/// Squared bias from the products of the seeds' errors; `None` with fewer than three seeds.
 ///
-/// `products[k][l]` is the mean over the picture of (Iₖ − f)(Iₗ − f)/(f² + ε). Seeds are independent, so for k ≠ l
-/// its expectation is the squared bias, plus the reference's own noise, which is taken off. The mean over all
-/// pairs is the unbiased estimate; its interval is the jackknife's over seeds.
+/// `products[k][l]` is the mean over the picture of (Iₖ − f)(Iₗ − f)/(f² + ε). Seeds are independent, so for k ≠ l its
+/// expectation is the squared bias plus the reference's own noise, which is subtracted. The mean over all pairs is the
+/// unbiased estimate; its interval is the jackknife's over seeds.
 pub fn squared_bias(products: &[Vec<f64>], reference_noise: f64) -> Option<Interval> {
     let n = products.len();
     if n < 3 || products.iter().any(|row| row.len() != n) {
@@ -170,7 +170,7 @@ pub fn squared_bias(products: &[Vec<f64>], reference_noise: f64) -> Option<Inter
     let total: f64 = row.iter().sum();
     let pairs = |n: usize| (n * (n - 1)) as f64;
     let value = total / pairs(n);
-    // A pair leaves with either of its seeds.
+    // Without a seed, both orders of its pairs are missing.
     let pseudo: Vec<f64> = row
         .iter()
         .map(|r| {

@@ -1,11 +1,11 @@
-//! Student's t distribution: the probability of a deviation in units of a standard error from the same few samples.
+//! Student's t distribution: the probability of a deviation in units of a standard error estimated from few samples.
 //!
 //! Degrees of freedom may be any positive number, infinity included.
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use statrs::function::beta::checked_beta_reg;
 
-/// Degrees of freedom that are distinguished. Beyond the larger the distribution is the normal one to five digits.
+/// Range of the degrees of freedom. Above, the distribution is the normal one to five digits.
 const LEAST: f64 = 0.5;
 const MOST: f64 = 1e5;
 
@@ -49,7 +49,7 @@ mod tests {
             assert!((quantile(0.05, nu) / t - 1.0).abs() < 1e-4, "ν = {nu}");
         }
         for t in [0.0f64, 1e-9, 0.3, 1.0, 5.0, 1e3] {
-            // ν = 1 is Cauchy's distribution, ν = 2 has a root for its integral.
+            // ν = 1 is Cauchy's distribution, and ν = 2 has an algebraic integral.
             let cauchy = 1.0 - 2.0 / std::f64::consts::PI * t.atan();
             assert!((two_sided(t, 1.0) - cauchy).abs() < 1e-9, "t = {t}");
             assert!(

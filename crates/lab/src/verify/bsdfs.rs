@@ -1,4 +1,4 @@
-//! BSDFs that the checks take.
+//! BSDFs for the checks.
 
 use opsr::bsdf::{
     Bsdf, Covers, Dielectric, Diffuse, Distribution, Film, Glossy, Sheen, ThinDielectric,
@@ -10,7 +10,7 @@ use opsr::math::{Rgb, Vec2, Vec3};
 /// All distributions.
 pub const DISTRIBUTIONS: [Distribution; 2] = [Distribution::Beckmann, Distribution::Ggx];
 
-/// Direction at `degrees` from the normal, off both tangents.
+/// Unit direction at `degrees` from the normal, in the plane of neither tangent.
 pub fn at(degrees: f32) -> Vec3 {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let (y, x) = 0.7f32.sin_cos();
@@ -71,8 +71,8 @@ pub(crate) fn under_clearcoat(base: Bsdf) -> Bsdf {
     clearcoated(1.0, 0.0, Distribution::Ggx, 0.9, |_| base)
 }
 
-/// The lobe of a BSDF brushed along a direction off both tangents, its roughnesses in the proportion `ratio`, and their
-/// geometric mean the roughness of the lobe.
+/// The lobe of a BSDF made anisotropic, along a direction off both tangents. `ratio` is the ratio of its roughnesses,
+/// and their geometric mean is the lobe's roughness.
 pub fn brushed(bsdf: Bsdf, ratio: f32) -> Bsdf {
     let Bsdf::Glossy(lobe) = bsdf else {
         return bsdf;
@@ -81,7 +81,7 @@ pub fn brushed(bsdf: Bsdf, ratio: f32) -> Bsdf {
     anisotropic(lobe, along, along * ratio, Vec2::new(0.3, -0.8))
 }
 
-/// Blue fibres.
+/// Blue sheen fibres.
 pub fn fibres(alpha: f32) -> Sheen {
     Sheen {
         color: Rgb::new(0.4, 0.6, 1.0),
@@ -159,7 +159,7 @@ pub fn leaf(alpha: f32, distribution: Distribution) -> Bsdf {
     translucent(plastic(alpha, distribution), Rgb::new(0.1, 0.3, 0.7))
 }
 
-/// BSDF of every kind at one roughness, with its name.
+/// One BSDF of every kind at this roughness, with its name.
 pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 20] {
     [
         ("metal", metal(alpha, distribution)),
@@ -209,7 +209,7 @@ pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 2
     ]
 }
 
-/// BSDFs with all that a scene may contain: perfect, matched, weak and strong interfaces.
+/// BSDFs with all interfaces that a scene may contain: perfect, index-matched, weak and strong.
 pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 29] {
     let glass = |eta| glass(eta, alpha, distribution);
     [

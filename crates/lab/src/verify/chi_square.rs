@@ -3,7 +3,7 @@
 use super::Finding;
 use statrs::function::gamma::gamma_ur;
 
-/// Least expected count of a cell; rarer cells are pooled, since the statistic is chi-square distributed only above.
+/// Least expected count of a cell. Cells with less are pooled, because their statistic is not chi-square distributed.
 const MIN_EXPECTED: f64 = 10.0;
 
 /// Probability that a chi-square variable with `freedom` degrees of freedom exceeds `x`: the regularised upper incomplete
@@ -38,7 +38,7 @@ pub fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
 
 /// Largest −log₁₀ of named p-values. Its bound is −log₁₀ of 0.01 over their number (Bonferroni's correction).
 pub fn finding(tried: &str, p_values: &[(f64, String)]) -> Finding {
-    // A p-value that underflows to 0 stays a number.
+    // A p-value that underflows to 0 keeps a finite logarithm.
     let negative_log = |p: f64| -p.max(1e-300).log10();
     let bound = negative_log(0.01 / p_values.len() as f64);
     let worst = p_values.iter().min_by(|a, b| a.0.total_cmp(&b.0));
@@ -50,13 +50,13 @@ pub fn finding(tried: &str, p_values: &[(f64, String)]) -> Finding {
     )
 }
 
-/// ∫∫ f over a rectangle by 3 × 3 Gauss points, subdivided until two subdivisions agree to `tolerance`. A rectangle in
-/// which f is zero somewhere may hold an edge that no point has seen: it is subdivided at least twice.
+/// ∫∫ f over a rectangle by 3 × 3 Gauss points, subdivided until two levels agree to `tolerance`. A rectangle with a
+/// zero of f may contain an edge between the points: it is subdivided at least twice.
 pub fn integrate(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], tolerance: f64) -> f64 {
     refine(f, [x, y], gauss(f, x, y).0, tolerance, DEPTH)
 }
 
-/// Most subdivisions.
+/// Most levels of subdivision.
 const DEPTH: u32 = 6;
 
 fn refine(

@@ -1,11 +1,11 @@
 //! Chi-square test of a BSDF's sampling against its density, at any roughness.
 //!
-//! Sampled directions are counted by the microfacet slopes of their half vector, in which a lobe has the same shape at
+//! Sampled directions are counted by the microfacet slopes of their half vector, where a lobe has the same shape at
 //! every roughness. A slope is divided by α and mapped by t = s/√(1 + s²): equal cells over |t| ≤ 0.98 resolve the lobe
-//! from its peak to s = 4.9. Directions beyond, and failed samples, are counted in one more cell.
+//! from its peak to s = 4.9. Directions beyond, and failed samples, share one more cell.
 //!
-//! Fibres are drawn evenly over the hemisphere: their cells are those of height and azimuth, since half vectors would put
-//! the jump of the density at the horizon into the middle of cells.
+//! Sheen fibres are sampled uniformly over the hemisphere, so their cells divide height and azimuth: in half vectors
+//! the jump of the density at the horizon would lie inside cells.
 
 use super::chi_square;
 use opsr::bsdf::Bsdf;
@@ -41,7 +41,7 @@ impl DensityTest {
         f64::from(self.wo.z.signum())
     }
 
-    /// `wo` in double precision, turned to the upper side.
+    /// `wo` in double precision, mirrored to the upper side if necessary.
     fn wo(&self) -> DVec3 {
         self.wo.as_dvec3().normalize() * self.side()
     }
@@ -52,7 +52,7 @@ impl DensityTest {
         self.bsdf.pdf(self.alpha, self.wo, wi).into()
     }
 
-    /// True for a BSDF that is drawn evenly over the hemisphere.
+    /// True for a BSDF that is sampled uniformly over the hemisphere.
     fn is_even(&self) -> bool {
         matches!(self.bsdf, Bsdf::Sheen(_))
     }
@@ -149,7 +149,7 @@ impl DensityTest {
         })
     }
 
-    /// P-value of `count` samples drawn by `draw` against the density of the BSDF; 0 if that integrates to more than 1.
+    /// P-value of `count` samples by `draw` against the density of the BSDF; 0 if the density's integral exceeds 1.
     pub fn p_value_of(&self, count: u32, mut draw: impl FnMut() -> Option<Vec3>) -> f64 {
         let mut observed = vec![0; 2 * N * N + 1];
         for _ in 0..count {

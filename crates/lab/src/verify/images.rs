@@ -12,7 +12,7 @@ use opsr::scene::procedural::materials::{
 };
 use opsr::scene::{Material, Scene, SceneParts};
 
-/// A closed room with a lit ceiling, which a tracer without light sampling finds soon, and bodies of all materials.
+/// A closed room with bodies of all materials, and an emissive ceiling that the simple tracer finds quickly.
 fn lit_room() -> Scene {
     let mut parts = SceneParts::default();
     let [left, right, floor, ceiling, back, front] =
@@ -23,7 +23,7 @@ fn lit_room() -> Scene {
     let ball = |x: f32, z: f32, radius: f32| sphere(Vec3::new(x, radius + 0.05, z), radius, 3);
     parts.add(metal("gold", GOLD, 0.1), [ball(-0.5, -0.4, 0.4)]);
     parts.add(glass("frosted", 1.5, 0.3), [ball(0.45, 0.2, 0.4)]);
-    // Light that begins inside a body: on the way through one the factors η² of both surfaces cancel.
+    // Light that starts inside a body: for light that crosses a body, the factors η² of both surfaces would cancel.
     let filament = emitter("filament", Rgb::splat(4.0));
     let place = Vec3::new(0.45, 0.45, 0.2);
     parts.add(filament, [sphere(place, 0.2, 2)]);
@@ -77,7 +77,7 @@ fn findings(name: &str, agreement: &Agreement) -> Vec<Finding> {
     .into()
 }
 
-/// Agreement of path tracing and bidirectional path tracing with the simple path tracer, which may have a fault.
+/// Agreement of path and bidirectional path tracing with the simple path tracer, which may have a planted fault.
 pub fn all(size: Size, fault: Option<Fault>) -> Vec<Finding> {
     let (edge, spp) = size.of((16, 256), (24, 2048), (32, 16_384));
     let scene = lit_room();

@@ -1,4 +1,4 @@
-//! The trainer: gradients against differences, tables that do not depend on threads and stops, losses that fall.
+//! The trainer: gradients against finite differences, tables that do not depend on threads and stops, falling losses.
 
 use super::{Finding, Numbers, Size};
 use crate::gallery::caustic_box;
@@ -19,10 +19,10 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Factor of the references of [`crop_of`].
+/// Factor with which the references of [`crop_of`] are rendered.
 pub const TRUTH: f32 = 0.03;
 
-/// A small crop of a scene, with a reference that is a little roughened, so that the factor [`TRUTH`] is the best.
+/// A small crop of a scene with a slightly roughened reference, so that the factor [`TRUTH`] is the best.
 pub fn crop_of(parts: SceneParts, edge: u32) -> Result<Crop, DatasetError> {
     let scene = Scene::new(parts);
     let camera = scene.parts().cameras[0].clone();
@@ -74,7 +74,7 @@ pub fn uneven(lookup: Lookup) -> AttenuationTable {
     table
 }
 
-/// A derivative of some loss by the moments.
+/// An arbitrary derivative of a loss with respect to the moments.
 pub fn adjoint(pixels: usize) -> Adjoint {
     Adjoint {
         mean: (0..pixels)
@@ -84,7 +84,7 @@ pub fn adjoint(pixels: usize) -> Adjoint {
     }
 }
 
-/// Loss of the moments that has this derivative.
+/// A linear loss of the moments with this derivative.
 fn weigh(adjoint: &Adjoint, moments: &Moments) -> f64 {
     let (mean, found) = (adjoint.mean.iter().flatten(), moments.mean.iter().flatten());
     let second = adjoint.second.iter().zip(&moments.second);
@@ -92,8 +92,8 @@ fn weigh(adjoint: &Adjoint, moments: &Moments) -> f64 {
     mean.zip(found).chain(second).map(product).sum()
 }
 
-/// Gradients of `recordings` replayed recordings by the factors, scaled by `factor`, against central differences: median
-/// relative error of the six strongest classes of each.
+/// Gradients of `recordings` replayed recordings with respect to the factors, scaled by `factor`, against central
+/// differences: median relative error over the six strongest classes of each.
 pub fn derivatives(crop: &Crop, recordings: u64, factor: f64) -> Result<Finding, DatasetError> {
     let mut errors = Vec::new();
     let lookups = [Lookup::Nearest, Lookup::Linear];
@@ -111,7 +111,8 @@ pub fn derivatives(crop: &Crop, recordings: u64, factor: f64) -> Result<Finding,
                 moved.gammas[class] += step;
                 weigh(&adjoint, &replay.moments(&moved))
             };
-            // The bin of a folded value is taken as constant; the step crosses an edge now and then, hence the median.
+            // The gradient takes the bin of a folded value as constant. A step may cross an edge of bins, hence the
+            // median.
             let h = 2e-4;
             let difference = (at(h) - at(-h)) / (2.0 * f64::from(h));
             errors.push((difference / (factor * gradient[class]) - 1.0).abs());
@@ -128,7 +129,7 @@ pub fn derivatives(crop: &Crop, recordings: u64, factor: f64) -> Result<Finding,
     ))
 }
 
-/// Trains on crops as a new process would, up to a step.
+/// Trains on a crop up to a step, as a new process would.
 pub fn learn(
     config: &Config,
     crop: &Crop,
@@ -146,7 +147,7 @@ pub fn learn(
     session.learn(config.beta[0], folder, resume, &mut listen)
 }
 
-/// Factors of two tables that are not bit-identical.
+/// Number of factors of two tables that are not bit-identical.
 fn apart(a: &AttenuationTable, b: &AttenuationTable) -> f64 {
     let pairs = a.gammas.iter().zip(b.gammas.iter());
     pairs.filter(|(a, b)| a.to_bits() != b.to_bits()).count() as f64
@@ -154,7 +155,7 @@ fn apart(a: &AttenuationTable, b: &AttenuationTable) -> f64 {
 
 const METHODS: [Evaluation; 2] = [Evaluation::Replay, Evaluation::Tabulated];
 
-/// Tables at 1, 2, 3 and 8 threads.
+/// Compares tables at 2, 3 and 8 threads with the table of one thread.
 pub fn threads(crop: &Crop) -> Result<Finding, TrainError> {
     let mut differ = Vec::new();
     for method in METHODS {
@@ -172,8 +173,8 @@ pub fn threads(crop: &Crop) -> Result<Finding, TrainError> {
     Ok(Finding::new(tried, 0.0, differ))
 }
 
-/// Tables of trainings that are stopped at `stops` random places, each continued from its checkpoint at another number of
-/// threads.
+/// Compares tables of uninterrupted trainings with those that stop at `stops` steps, each time resumed from the
+/// checkpoint at another number of threads.
 pub fn resumed(crop: &Crop, stops: usize) -> Result<Finding, Box<dyn Error>> {
     let mut differ = Vec::new();
     for (method, optimiser) in [
@@ -192,7 +193,7 @@ pub fn resumed(crop: &Crop, stops: usize) -> Result<Finding, Box<dyn Error>> {
         for (i, &end) in Numbers::new(61).places(steps, stops).iter().enumerate() {
             let part = super::pool([1, 2, 3, 8][i % 4])
                 .install(|| learn(&config, crop, Some(folder.path()), end))?;
-            // A training that did not stop there was not resumed either.
+            // A training that did not stop at this step was not resumed either.
             differ.push(f64::from(u8::from(part.steps != end || !part.stopped)));
         }
         let end = learn(&config, crop, Some(folder.path()), u32::MAX)?;
@@ -203,7 +204,7 @@ pub fn resumed(crop: &Crop, stops: usize) -> Result<Finding, Box<dyn Error>> {
     Ok(Finding::new(tried, 0.0, differ))
 }
 
-/// Losses of validation after a training over those before it.
+/// Ratios of the validation losses after a training to those before it.
 pub fn losses(crop: &Crop, steps: u32) -> Result<Finding, TrainError> {
     let mut ratios = Vec::new();
     for method in METHODS {

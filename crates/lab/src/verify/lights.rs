@@ -1,4 +1,4 @@
-//! Light sampling: squares from 1e-12 steradians to the hemisphere, slivers, skies with one bright texel.
+//! Light sampling: squares from 1e-12 steradians to the hemisphere, slivers, sky maps with one bright texel.
 
 use super::{Finding, Numbers};
 use crate::gallery::furnace_sphere;
@@ -14,7 +14,7 @@ use std::f64::consts::{FRAC_1_PI, PI, TAU};
 /// Strata along one axis.
 const STRATA: usize = 128;
 
-/// Square that emits downwards on a surface at the origin.
+/// A square that emits downwards, towards a surface at the origin.
 struct Square {
     /// Height above the origin.
     height: f32,
@@ -26,7 +26,7 @@ struct Square {
     normal: Vec3,
 }
 
-/// Squares from small and far to large and near.
+/// Squares from small and distant to large and near.
 fn squares() -> Vec<Square> {
     let tilted = Vec3::new(1.0, 1.0, 0.3);
     [
@@ -44,7 +44,7 @@ fn squares() -> Vec<Square> {
         (1e-4, 1.0, 0.0, Vec3::X),
         (1e-4, 1.0, 0.5, Vec3::Y),
         (1.0, 1e6, 0.0, Vec3::Y),
-        // The surface lies in the plane of the light, behind it, and turned away from it.
+        // The surface lies in the plane of the light, behind the light, and turned away from it.
         (0.0, 1.0, 2.0, Vec3::Y),
         (-1.0, 1.0, 0.0, -Vec3::Y),
         (1.0, 1.0, 0.0, -Vec3::Y),
@@ -71,7 +71,7 @@ impl Square {
         Scene::new(parts)
     }
 
-    /// Light reflected by a white surface, in closed form.
+    /// Light reflected by the surface, which is white, in closed form.
     fn exact(&self) -> f64 {
         let normal = self.normal.as_dvec3();
         if self.height <= 0.0 {
@@ -79,7 +79,7 @@ impl Square {
         }
         let centre = DVec3::new(self.shift.into(), self.height.into(), 0.0);
         if f64::from(self.edge) < 1e-3 * centre.length() {
-            // Lambert's sum would cancel.
+            // Lambert's sum suffers from cancellation here.
             let to = centre.normalize();
             let area = f64::from(self.edge).powi(2);
             let cosines = to.dot(normal).max(0.0) * to.y;
@@ -89,8 +89,8 @@ impl Square {
     }
 }
 
-/// Light reflected at the origin by a white surface with this normal, by light and lobe samples with MIS; and the largest
-/// relative difference between the density of a light sample and that of the ray towards it.
+/// Light reflected at the origin by a white surface with this normal, by light and lobe samples with MIS. Also the
+/// largest relative difference between the densities of a light sample and of a ray towards it.
 fn sampled(scene: &Scene, normal: Vec3, numbers: &mut Numbers) -> (f64, f64) {
     let frame = Frame::from_normal(normal);
     let (mut sum, mut apart) = (0.0f64, 0.0f64);
@@ -106,7 +106,7 @@ fn sampled(scene: &Scene, normal: Vec3, numbers: &mut Numbers) -> (f64, f64) {
             let pdf = warp::cosine_hemisphere_pdf(light.wi.dot(normal));
             let weight = light.density.mis_weight(pdf) * pdf / light.density.value();
             sum += f64::from(light.radiance.x * weight);
-            // A ray through the very edge may miss.
+            // A ray through the very edge may miss the light.
             if let Some(seen) = scene.emission_along(&Ray::new(Vec3::ZERO, light.wi)) {
                 let ratio = f64::from(seen.pdf_w) / f64::from(light.density.value());
                 apart = apart.max((ratio - 1.0).abs());
@@ -181,7 +181,7 @@ pub(super) fn all() -> Vec<Finding> {
     ]
 }
 
-/// Relative error of the light of triangles up to 1e6 times as long as wide, by light samples.
+/// Relative error of light samples for triangles up to 1e6 times as long as wide.
 fn slivers() -> Finding {
     let mut numbers = Numbers::new(31);
     let mut errors = Vec::new();
@@ -233,7 +233,7 @@ fn slivers() -> Finding {
 /// Shadow ray from a surface to a light sample.
 pub type ShadowRay<'a> = &'a dyn Fn(&Surface, &LightSample) -> Ray;
 
-/// Counts occluded light samples inside an emissive sphere, at all scales and away from the origin.
+/// Counts light samples that are occluded inside an emissive sphere, at several scales and away from the origin.
 pub fn occluded(shadow_ray: ShadowRay<'_>) -> Finding {
     let mut numbers = Numbers::new(33);
     let mut count = 0;
@@ -265,7 +265,7 @@ pub fn occluded(shadow_ray: ShadowRay<'_>) -> Finding {
     )
 }
 
-/// Relative error of the light of a dim sky with one texel of 1e5 or 1e9 at the horizon, overhead, or behind.
+/// Relative error of the light of a dim sky with one bright texel of 1e5 or 1e9 at several places, the nadir included.
 fn sun() -> Finding {
     const SIZE: [usize; 2] = [64, 32];
     let mut numbers = Numbers::new(32);

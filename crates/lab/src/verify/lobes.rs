@@ -1,4 +1,4 @@
-//! Lobes around the Dirac bound, at extreme random numbers, at the horizon and at the critical angle.
+//! Lobes near the Dirac bound, at extreme random numbers, at the horizon and at the critical angle.
 
 use super::bsdfs::{DISTRIBUTIONS, coat, glass, metal};
 use super::{Finding, Numbers, transport};
@@ -44,7 +44,7 @@ pub(super) fn dirac() -> Vec<Finding> {
 /// True if a sample of a BSDF at a roughness is a Dirac delta; `None` where sampling fails.
 pub type IsDelta<'a> = &'a dyn Fn(&Bsdf, f32, Vec3, [f32; 3]) -> Option<bool>;
 
-/// Counts violations of: below α = 1e-3 every glossy sample is a delta and `eval` zero, from 1e-3 on neither.
+/// Counts violations: below α = 1e-3 every glossy sample is a delta and `eval` is zero, from 1e-3 on neither.
 pub fn dirac_bound(is_delta: IsDelta<'_>) -> Finding {
     let mut numbers = Numbers::new(20);
     let mut wrong = 0;
@@ -60,7 +60,7 @@ pub fn dirac_bound(is_delta: IsDelta<'_>) -> Finding {
     ] {
         for i in 0..2000 {
             let (wo, u) = (numbers.above(), numbers.ends());
-            // All without a diffuse base.
+            // The BSDFs without a diffuse base.
             for bsdf in [0, 2, 3, 4].map(|k| bsdfs(alpha, distribution(i))[k]) {
                 wrong += usize::from(is_delta(&bsdf, alpha, wo, u).is_some_and(|d| d != expected));
                 let mirrored = bsdf.eval(alpha, wo, Vec3::new(-wo.x, -wo.y, wo.z));
@@ -85,8 +85,8 @@ pub(super) fn sampling() -> Vec<Finding> {
 /// Value and density of a BSDF at a roughness for a pair of directions.
 pub type Evaluate<'a> = &'a dyn Fn(&Bsdf, f32, Vec3, Vec3) -> (Rgb, f32);
 
-/// Weight and density of samples against an evaluation at the sampled direction: roughness from 1e-3 to 1, random
-/// numbers at 0 and just below 1, directions up to 1e-5 from the horizon.
+/// Weight and density of samples against an evaluation of the sampled direction. Roughness is from 1e-3 to 1, random
+/// numbers are at 0 and just below 1, directions up to 1e-5 from the horizon.
 pub fn samples(evaluate: Evaluate<'_>) -> Finding {
     let mut numbers = Numbers::new(21);
     let mut errors = Vec::new();
@@ -95,8 +95,8 @@ pub fn samples(evaluate: Evaluate<'_>) -> Finding {
         let (wo, u) = (direction(&mut numbers), numbers.ends());
         let bsdf = bsdfs(alpha, distribution(i))[i % 5];
         let Some(sample) = bsdf.sample(alpha, wo, u) else {
-            // A normal of small Gaussian slopes never reflects a steep direction below the horizon; a diffuse sample
-            // may lie on the horizon.
+            // Small Gaussian slopes never reflect a steep direction below the horizon, so a failure is an error. A
+            // diffuse sample may lie on the horizon.
             let glossy = distribution(i) == Distribution::Beckmann && i % 5 != 1;
             if glossy && wo.z > 0.9 && alpha < 0.05 {
                 errors.push(f64::NAN);
@@ -136,8 +136,8 @@ pub fn polarisations(cos: f64, eta: f64) -> f64 {
 
 /// Reflectance at cosines down to 1e-6 and around the critical angle, for indices 1/3 to 3 and 1 ± 1e-4.
 ///
-/// The reflectance has a vertical tangent at the critical angle: its change over some bits of the cosine is allowed in
-/// addition.
+/// At the critical angle the reflectance has a vertical tangent. Its change over a few bits of the cosine is therefore
+/// allowed, too.
 pub fn reflectance(fresnel: &dyn Fn(f32, f32) -> f32) -> Finding {
     let mut numbers = Numbers::new(22);
     let errors = (0..DRAWS).map(|i| {
@@ -193,7 +193,7 @@ fn smooth() -> Finding {
     )
 }
 
-/// An interface between equal indices passes light straight on with weight 1, at any roughness and random number.
+/// An interface between equal indices transmits light straight on with weight 1, at any roughness and random number.
 fn equal() -> Finding {
     let mut numbers = Numbers::new(24);
     let mut errors = Vec::new();

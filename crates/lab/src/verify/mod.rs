@@ -1,9 +1,9 @@
 //! Hard numerical cases, checked on the current machine.
 //!
 //! Regularisation works at roughness near zero, where single precision has few digits to spare and where another
-//! processor or mathematics library may round differently. A [`Case`] runs checks of one kind; each reports the worst
-//! value met beside its bound. A check takes the function that it checks as an argument, so that tests can plant a
-//! faulty one and require that it is found. The cases are listed in `docs/numerics.md`.
+//! processor or mathematics library may round differently. A [`Case`] runs checks of one kind; each reports its worst
+//! value and the bound. A check takes the function under test as an argument, so that tests can pass a faulty one and
+//! require a failure. The cases are listed in `docs/numerics.md`.
 
 pub mod bsdfs;
 pub mod chaos;
@@ -30,7 +30,7 @@ use opsr::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed}
 pub struct Finding {
     /// Quantity that was checked, with the inputs.
     pub tried: String,
-    /// Largest value met.
+    /// Largest value found; NaN if any value is NaN.
     pub worst: f64,
     /// Largest value allowed.
     pub bound: f64,
@@ -50,7 +50,7 @@ impl Finding {
         }
     }
 
-    /// Check that an error ended.
+    /// The finding of a check that ended with an error.
     fn failed(error: impl std::fmt::Display) -> Self {
         Self::new(error.to_string(), 0.0, [f64::NAN])
     }
@@ -101,7 +101,7 @@ const fn case(name: &'static str, run: fn(Size) -> Vec<Finding>) -> Case {
     Case { name, run }
 }
 
-/// Numerical cases. The sizes change the last three.
+/// Numerical cases. Only the last three depend on the size.
 pub const NUMERIC: [Case; 14] = [
     case("path roughness", |_| roughness::all()),
     case("Dirac bound", |_| lobes::dirac()),
@@ -119,7 +119,7 @@ pub const NUMERIC: [Case; 14] = [
     case("invariants", sampling::invariants),
 ];
 
-/// Threads of a check's own.
+/// A thread pool for one check.
 fn pool(threads: usize) -> rayon::ThreadPool {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
     builder.build().expect("threads")
@@ -143,7 +143,7 @@ impl Numbers {
         ((self.next() * count as f32) as usize).min(count - 1)
     }
 
-    /// Ascending integers in 1..end, all different, at most `count`.
+    /// At most `count` different integers in 1..end, ascending.
     fn places(&mut self, end: u32, count: usize) -> Vec<u32> {
         let mut all: Vec<u32> = (1..end).collect();
         while all.len() > count {
@@ -167,7 +167,7 @@ impl Numbers {
         })
     }
 
-    /// Direction above the plane z = 0; half of them logarithmic in the distance to the horizon, from 1e-5 radians on.
+    /// Direction above the plane z = 0; half of them logarithmic in the angle to the horizon, at least 1e-5 radians.
     fn above(&mut self) -> Vec3 {
         let from_horizon = if self.next() < 0.5 {
             90.0 * self.next()

@@ -1,4 +1,4 @@
-//! Pictures that must be bit-identical: at any number of threads, in any split into passes, stopped and resumed.
+//! Pictures that must be bit-identical: at any number of threads, in any split into passes, and after stop and resume.
 
 use super::{Finding, Numbers, Size, pool};
 use crate::gallery::caustic_box;
@@ -23,12 +23,12 @@ const CROP: Window = Window {
     h: 17,
 };
 
-/// Settings of every mode.
+/// Random settings of every mode.
 fn ways() -> impl Iterator<Item = (&'static str, Settings)> {
     let mut numbers = Numbers::new(11);
     let drawn = move |mode: &'static Mode| {
         let settings = mode.settings(Uniform(&mut || numbers.next()));
-        // A single vertex shows nothing of a mode.
+        // A path of a single vertex does not show differences between modes.
         let max_vertices = settings.max_vertices.max(3);
         (
             mode.name,
@@ -41,7 +41,7 @@ fn ways() -> impl Iterator<Item = (&'static str, Settings)> {
     MODES.iter().map(drawn)
 }
 
-/// The box with glass and copper, and a lacquered ball.
+/// The caustic box with a lacquered ball and a brushed plate.
 fn scene() -> Scene {
     let mut parts = caustic_box();
     let lacquer = coated("lacquer", Rgb::splat(0.5), 0.02);
@@ -54,7 +54,7 @@ fn scene() -> Scene {
     Scene::new(parts)
 }
 
-/// A picture without samples, with first-hit layers.
+/// An empty picture with first-hit layers.
 fn blank(settings: &Settings, window: Window) -> Picture {
     let mut film = Film::new(FRAME);
     if window != Window::full(FRAME) {
@@ -68,7 +68,7 @@ fn blank(settings: &Settings, window: Window) -> Picture {
     }
 }
 
-/// Passes of these numbers of samples at this number of threads.
+/// A picture by passes of these numbers of samples, with this number of threads.
 fn picture(
     scene: &Scene,
     settings: &Settings,
@@ -89,7 +89,7 @@ fn picture(
     picture
 }
 
-/// Pixels of two films that are not bit-identical; all of them if more than the pixels differs.
+/// Number of pixels of two films that are not bit-identical; all pixels if only other data differ.
 pub(super) fn apart(a: &Picture, b: &Picture) -> f64 {
     if a == b {
         return 0.0;
@@ -103,8 +103,8 @@ pub(super) fn apart(a: &Picture, b: &Picture) -> f64 {
     }
 }
 
-/// Bit-identity at 1, 2, 3 and 8 threads, in several splits into passes, and of a crop where nothing is learned. Each
-/// finding is made when it is asked for.
+/// Bit-identity at 1, 2, 3 and 8 threads, in several splits into passes, and of a crop, except for guides. Findings are
+/// computed lazily.
 pub fn determinism(size: Size) -> impl Iterator<Item = Finding> {
     let unit = size.of(1, 4, 128);
     let scene = scene();
@@ -120,7 +120,7 @@ pub fn determinism(size: Size) -> impl Iterator<Item = Finding> {
         let samples = 6 * unit;
         let tried = format!("{name}, {samples} samples: pixels that differ by threads, passes");
         let mut all = vec![Finding::new(tried, 0.0, splits)];
-        // A guide learns from the pixels that are rendered.
+        // A guide depends on all rendered pixels, so its crop differs.
         if matches!(settings.estimator, Estimator::Guided { .. }) {
             return all;
         }
@@ -134,8 +134,8 @@ pub fn determinism(size: Size) -> impl Iterator<Item = Finding> {
     })
 }
 
-/// Bit-identity of renders that are stopped at many places, each time saved to a file, loaded and continued at another
-/// number of threads. Each finding is made when it is asked for.
+/// Bit-identity of renders that are stopped at many samples, each time saved to a file, loaded and continued at another
+/// number of threads. Findings are computed lazily.
 pub fn resume(size: Size) -> impl Iterator<Item = Finding> {
     let (stops, samples) = size.of((5, 24), (50, 120), (500, 4000));
     let scene = scene();
@@ -156,7 +156,7 @@ fn fingerprint(settings: &Settings) -> Fingerprint {
     }
 }
 
-/// Pixels that differ after stops at ascending random places.
+/// Number of pixels that differ after stops at random samples.
 fn resumed(
     scene: &Scene,
     settings: &Settings,
@@ -170,8 +170,8 @@ fn resumed(
     Ok(apart(&resumed, &whole))
 }
 
-/// A picture by passes that end at these samples, each at another number of threads, and saved to a file and loaded after
-/// each.
+/// A picture by passes that end at these samples. Each pass has another number of threads; after each the picture is
+/// saved and loaded.
 pub(super) fn resumed_at(
     scene: &Scene,
     settings: &Settings,
@@ -194,18 +194,18 @@ pub(super) fn resumed_at(
         let samples = checkpoint.samples..end;
         let picture = &mut checkpoint.picture;
         let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
-        // As a new process would.
+        // A new integrator, as in a new process.
         let mut integrator = settings.integrator();
         pools[i % 4].install(|| integrator.pass(&view, samples, picture));
         checkpoint.samples = end;
         checkpoint.save(&path)?;
-        // Only the content of the file continues.
+        // The next pass continues from the contents of the file alone.
         checkpoint = Checkpoint::load(&path, &ours)?;
     }
     Ok(checkpoint.picture)
 }
 
-/// Numbers of the films of every way to render, each read back from its checkpoint, and of a learned table.
+/// Bits of the films of all modes, each read back from its checkpoint, and of a learned table.
 pub(super) fn round() -> Result<Vec<u64>, Box<dyn Error>> {
     let (scene, folder) = (scene(), tempfile::tempdir()?);
     let path = folder.path().join("a.ckpt");

@@ -32,7 +32,7 @@ pub(super) fn all() -> Vec<Finding> {
     ]
 }
 
-/// Table of random factors.
+/// A table of random factors.
 fn table(lookup: Lookup, numbers: &mut Numbers) -> AttenuationTable {
     let mut table = AttenuationTable {
         lookup,
@@ -42,8 +42,8 @@ fn table(lookup: Lookup, numbers: &mut Numbers) -> AttenuationTable {
     table
 }
 
-/// Relative error of α′ for roughness from 1e-8 to 1e-2, where 1 − (1 − αₙ) ∏ (1 − γ αᵢ) loses its digits in single
-/// precision.
+/// Relative error of α′ for roughness from 1e-8 to 1e-2, where the form 1 − (1 − αₙ) ∏ (1 − γ αᵢ) loses its digits in
+/// single precision.
 pub fn small_roughness(accumulate: Accumulate<'_>) -> Finding {
     let mut numbers = Numbers::new(1);
     let errors = (0..PATHS).map(|_| {
@@ -84,7 +84,7 @@ pub fn zeros(accumulate: Accumulate<'_>) -> Finding {
     Finding::new("α′ of (0, …, 0, v) that is not v", 0.0, errors)
 }
 
-/// Violation of αₙ ≤ α′ ≤ 1, of α′ = αₙ for γ = 0, and of monotonicity in γ and in every roughness.
+/// Largest violation of αₙ ≤ α′ ≤ 1, of α′ = αₙ for γ = 0, and of monotonicity in γ and in every roughness.
 fn bounds() -> Finding {
     let mut numbers = Numbers::new(3);
     let violations = (0..PATHS).map(|_| {
@@ -107,7 +107,7 @@ fn bounds() -> Finding {
         alphas[i] += (1.0 - alphas[i]) * numbers.next();
         worst.max(f64::from(value - with(&alphas, &ConstantGamma(gamma))))
     });
-    // Rounding may undo an increase in the last bits of 1.
+    // Rounding may reverse an increase in the last bits of 1.
     Finding::new(
         "violation of αₙ ≤ α′ ≤ 1, of γ = 0, of monotonicity",
         2.5e-7,
@@ -115,7 +115,7 @@ fn bounds() -> Finding {
     )
 }
 
-/// Counts wrong bins among a million roughness values and the neighbours of each edge, by the formula in double
+/// Counts wrong bins of a million roughness values and of the neighbours of each edge, against the formula in double
 /// precision.
 pub fn bins(bin: &dyn Fn(f32) -> usize) -> Finding {
     let formula = |alpha: f32| {
@@ -125,7 +125,7 @@ pub fn bins(bin: &dyn Fn(f32) -> usize) -> Finding {
     let mut numbers = Numbers::new(4);
     let mut wrong = 0;
     for edge in BIN_EDGES {
-        // The edge itself is the nearest single and may lie on either side of the exact edge.
+        // The edge itself is a rounded value and may lie on either side of the exact edge.
         for step in 1..1000 {
             for alpha in [edge.to_bits() - step, edge.to_bits() + step].map(f32::from_bits) {
                 wrong += usize::from(bin(alpha) != formula(alpha));
@@ -197,7 +197,7 @@ pub fn folding(accumulate: Accumulate<'_>) -> Finding {
     )
 }
 
-/// Jump of α′ where a vertex crosses the edge of a bin, with the linear look-up.
+/// Jump of α′ at a bin's edge with the linear look-up.
 fn continuity() -> Finding {
     let mut numbers = Numbers::new(6);
     let table = table(Lookup::Linear, &mut numbers);

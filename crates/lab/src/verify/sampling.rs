@@ -20,8 +20,8 @@ fn alphas(size: Size) -> &'static [f32] {
     )
 }
 
-/// Chi-square of draws against the density: both distributions, all roughnesses, five angles from 0 to 88 degrees, either
-/// side, all BSDFs.
+/// Chi-square tests of samples against the density: both distributions, all roughnesses, five angles from 0 to 88
+/// degrees, both sides, all BSDFs.
 pub fn chi_square(size: Size) -> Vec<Finding> {
     let count = size.of(5000, 20_000, 1_000_000);
     let mut tests = Vec::new();
@@ -51,7 +51,7 @@ pub fn chi_square(size: Size) -> Vec<Finding> {
     vec![chi_square::finding(&tried, &p_values)]
 }
 
-/// Energy of a draw: what a white furnace receives. A refracted weight is radiance, scaled back to energy.
+/// Energy of a sample, as in a white furnace. A refracted weight is a factor of radiance and is scaled back to energy.
 fn energy(bsdf: &Bsdf, wo: Vec3, lobe: Lobe, weight: Rgb) -> f64 {
     let scale = match lobe {
         Lobe::Transmission => bsdf.refraction_scale(wo),
@@ -60,12 +60,12 @@ fn energy(bsdf: &Bsdf, wo: Vec3, lobe: Lobe, weight: Rgb) -> f64 {
     (weight.y * scale).into()
 }
 
-/// Albedo of a BSDF in a white furnace by `strata`³ of its own draws.
+/// Albedo of a BSDF in a white furnace, by `strata`³ samples of its own.
 fn albedo(bsdf: &Bsdf, alpha: f32, wo: Vec3, strata: usize, numbers: &mut Numbers) -> f64 {
     albedo_by(bsdf, (bsdf, alpha), alpha, wo, strata, numbers)
 }
 
-/// Albedo, estimated by as many draws from another BSDF at another roughness.
+/// Albedo of a BSDF, by as many samples from another BSDF at another roughness.
 fn albedo_by(
     bsdf: &Bsdf,
     (other, other_alpha): (&Bsdf, f32),
@@ -78,7 +78,7 @@ fn albedo_by(
     for i in 0..strata.pow(3) {
         let cell = [i % strata, i / strata % strata, i / strata / strata];
         let u = cell.map(|c| (c as f32 + numbers.next()) / strata as f32);
-        // Rounding may end at 1.
+        // Rounding may give 1.
         let u = u.map(|u| u.min(1.0 - f32::EPSILON / 2.0));
         let Some(s) = other.sample(other_alpha, wo, u) else {
             continue;
@@ -94,7 +94,7 @@ fn albedo_by(
     sum / strata.pow(3) as f64
 }
 
-/// White furnace around white BSDFs: draws keep the energy of the values, and no BSDF makes light.
+/// White furnace around white BSDFs: samples preserve the energy of the values, and no BSDF gains energy.
 pub fn furnace(size: Size) -> Vec<Finding> {
     let (strata, bound) = size.of((16, 2e-2), (32, 5e-3), (80, 1e-3));
     type Make = fn(f32, Distribution) -> Bsdf;
@@ -121,14 +121,14 @@ pub fn furnace(size: Size) -> Vec<Finding> {
             let mut numbers = Numbers::new(3000 + i as u64);
             let (bsdf, wo) = (make(alpha, distribution), at(degrees) * *side);
             let drawn = albedo(&bsdf, alpha, wo, strata, &mut numbers);
-            // Densities that no value exceeds by much: slopes of GGX have the longer tails.
+            // Sampling densities that bound the values: slopes of GGX have the longer tails.
             let other_alpha = match distribution {
                 Distribution::Beckmann | Distribution::HenyeyGreenstein => alpha,
                 Distribution::Ggx if alpha < 0.5 => 1.4 * alpha,
                 Distribution::Ggx => 0.75 * alpha,
             };
             let expected = if alpha == 0.0 {
-                // Smooth BSDFs keep everything.
+                // Smooth BSDFs preserve all energy.
                 1.0
             } else {
                 let other = make(alpha, Distribution::Ggx);
@@ -148,7 +148,7 @@ pub fn furnace(size: Size) -> Vec<Finding> {
             bound,
             results.iter().map(|r| r.0),
         ),
-        // The base takes the coat for smooth; around α = 0.2 and 55° a rough one reflects 0.6 % more.
+        // The base is computed for a smooth coat; around α = 0.2 and 55° a rough coat reflects 0.6 % more.
         Finding::new(
             "energy that is gained",
             6e-3 + 0.2 * bound,
@@ -159,7 +159,7 @@ pub fn furnace(size: Size) -> Vec<Finding> {
     ]
 }
 
-/// Energy that white bases under a white clear coat gain: coats and bases of all roughnesses and angles.
+/// Energy gained by white bases under a white clear coat, for all roughnesses and angles of both.
 fn clearcoats(size: Size) -> Finding {
     let strata = size.of(12, 16, 64);
     let distribution = Distribution::Ggx;
@@ -179,7 +179,7 @@ fn clearcoats(size: Size) -> Finding {
     }
     let gain = |(i, (coat_alpha, base, wo)): (usize, (f32, Bsdf, Vec3))| {
         let mut numbers = Numbers::new(4000 + i as u64);
-        // Coat and base by their chances, a quarter and three.
+        // Coat and base with their probabilities, a quarter and three quarters.
         let parts = [(0.0, 0.25), (0.5, 0.75)].map(|(u, chance)| {
             let bsdf = clearcoated(1.0, coat_alpha, distribution, u, |_| base);
             chance * albedo(&bsdf, bsdf.alpha(), wo, strata, &mut numbers)
@@ -190,7 +190,7 @@ fn clearcoats(size: Size) -> Finding {
     Finding::new("energy that is gained under clear coats", 6e-3, gains)
 }
 
-/// Energy that white bases gain under white fibres, and under films: of all roughnesses and angles.
+/// Energy gained by white bases under white sheen fibres and under thin films, for all roughnesses and angles.
 fn covers(size: Size) -> Finding {
     let strata = size.of(12, 16, 64);
     let distribution = Distribution::Ggx;
@@ -211,7 +211,7 @@ fn covers(size: Size) -> Finding {
     let gain = |(i, (alpha, base, wo)): (usize, (f32, Bsdf, Vec3))| {
         let mut numbers = Numbers::new(5000 + i as u64);
         let mut of = |bsdf: &Bsdf| albedo(bsdf, bsdf.alpha(), wo, strata, &mut numbers);
-        // Fibres and base by their chances.
+        // Fibres and base with their probabilities.
         let fibres = Covers {
             coat: 0.0,
             alpha: 0.0,
@@ -262,13 +262,13 @@ impl Worst {
         }
     }
 
-    /// Checks one draw and one pair of directions.
+    /// Checks one sample and one pair of directions.
     fn try_one(&mut self, numbers: &mut Numbers) {
         let (alpha, wo) = hard_view(numbers);
         let distribution = DISTRIBUTIONS[numbers.below(2)];
         let all = bsdfs::extremes(alpha, distribution);
         let bsdf = all[numbers.below(all.len())];
-        // Mirrored, straight through, or anywhere; else that of a draw.
+        // Mirrored, straight on, random, or the direction of a sample.
         let mut wi = match numbers.below(4) {
             0 => Vec3::new(-wo.x, -wo.y, wo.z),
             1 => -wo,
@@ -276,7 +276,7 @@ impl Worst {
         };
         let u = numbers.ends();
         if let Some(s) = bsdf.sample(alpha, wo, u) {
-            // A lobe is selected with probability 1/20 at least, under a clear coat 3/80.
+            // A lobe has a probability of at least 1/20, under a clear coat 3/80, which bounds the weight.
             let weight = s.weight.min_element() >= 0.0 && s.weight.max_element() <= 27.0;
             let unit = (s.wi.length() - 1.0).abs() < 1e-5;
             let crosses = wo.z * s.wi.z < 0.0;
@@ -299,7 +299,7 @@ impl Worst {
                 }
                 let ratio = f64::from(eval.pdf_w) / f64::from(s.pdf_w) - 1.0;
                 self.density = self.density.max(ratio.abs());
-                // At the horizon, and far from the peak, the last bits of a direction decide.
+                // Near the horizon and far from the peak, the last bits of a direction dominate.
                 let inner = u.iter().all(|&u| u > 1e-3 && u < 0.999);
                 if inner && wo.z.abs().min(s.wi.z.abs()) > 0.02 {
                     self.reciprocity = self.reciprocity.max(asymmetry(bsdf, alpha, wo, s.wi));
@@ -318,7 +318,7 @@ impl Worst {
     }
 }
 
-/// Relative difference between f(wo, wi)/ηₒ² and f(wi, wo)/ηᵢ², over what rounding explains: nothing in reflection; in
+/// Relative difference between f(wo, wi)/ηₒ² and f(wi, wo)/ηᵢ², beyond rounding. Reflection has no allowance. In
 /// refraction half vectors differ in the last bits, which sharp lobes, grazing directions and indices near 1 magnify.
 fn asymmetry(mut bsdf: Bsdf, alpha: f32, wo: Vec3, wi: Vec3) -> f64 {
     let through = wo.z * wi.z < 0.0;
@@ -340,7 +340,7 @@ fn asymmetry(mut bsdf: Bsdf, alpha: f32, wo: Vec3, wi: Vec3) -> f64 {
     (apart / (largest * rounding)).max_element().into()
 }
 
-/// Values, densities and weights at hard roughnesses, directions and random numbers; reciprocity.
+/// Values, densities, weights and reciprocity at extreme roughnesses, directions and random numbers.
 pub fn invariants(size: Size) -> Vec<Finding> {
     const RUN: u64 = 10_000;
     let runs: u64 = size.of(1, 50, 10_000);

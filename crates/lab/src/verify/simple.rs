@@ -1,6 +1,6 @@
-//! A path tracer without light sampling, weights or roulette: slow, and too simple to share the faults of the real one.
+//! A path tracer without light sampling, MIS weights or roulette: slow, and too simple to share the renderer's faults.
 //!
-//! It may have a [`Fault`] on purpose. A comparison with the real one that does not find the fault proves nothing.
+//! A [`Fault`] can be planted in it: a comparison that does not detect the fault proves nothing.
 
 use opsr::bsdf::Lobe;
 use opsr::image::Film;
@@ -9,7 +9,7 @@ use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::{Scene, Sensor};
 use rayon::prelude::*;
 
-/// Samples of a pixel that are traced before the film takes them.
+/// Samples of a pixel that are traced before they are added to the film.
 const BATCH: u32 = 64;
 
 /// Fault that is planted on purpose.
@@ -19,13 +19,13 @@ pub enum Fault {
     SwappedDensity,
     /// Refraction that does not scale radiance by 1/η².
     MissingEta2,
-    /// Values multiplied by |cos θi| once more.
+    /// Values multiplied by |cos θi| twice.
     CosineTwice,
-    /// Draws from a lobe 1.5 times as rough as the one that is evaluated, with the density of the latter.
+    /// Samples from a lobe 1.5 times as rough as the evaluated one, with the density of the evaluated one.
     RougherDraws,
     /// Emission counted twice from the third vertex on, as by two techniques without weights.
     LightTwice,
-    /// Roulette that ends a tenth of the paths and does not weigh the others up.
+    /// Roulette that ends a tenth of the paths without scaling the others up.
     LossyRoulette,
     /// A picture 1 % too bright.
     Brightness,
@@ -54,7 +54,7 @@ pub struct Simple {
     pub max_vertices: u32,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Fault, for tests of tests.
+    /// Planted fault, for tests of the tests.
     pub fault: Option<Fault>,
 }
 
@@ -89,7 +89,7 @@ impl Simple {
         film
     }
 
-    /// Factor of a pixel.
+    /// Factor on the radiance of a pixel.
     fn exposure(&self, pixel: UVec2) -> f32 {
         match self.fault {
             Some(Fault::Brightness) => 1.01,

@@ -1,9 +1,9 @@
-//! Long work: memory that stays, bytes that stay.
+//! Soak tests: bounded memory, and bit-identical results.
 
 use super::{Finding, repeat};
 use std::time::{Duration, Instant};
 
-/// Resident memory of the process in bytes; `None` where the system does not say (other than Linux).
+/// Resident memory of the process in bytes; `None` if the system does not report it (other than Linux).
 fn resident() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status
@@ -13,7 +13,7 @@ fn resident() -> Option<f64> {
     Some(1024.0 * kilobytes)
 }
 
-/// Growth of memory in per cent: the least memory of the last third against the least of the second. The first third fills pools.
+/// Growth of memory in per cent, from the least of the second third to that of the last. The first third fills pools.
 pub fn growth(resident: &[f64]) -> f64 {
     let third = resident.len() / 3;
     let least = |part: &[f64]| part.iter().copied().fold(f64::INFINITY, f64::min);
@@ -21,12 +21,12 @@ pub fn growth(resident: &[f64]) -> f64 {
     100.0 * (least(late) / least(early) - 1.0)
 }
 
-/// Rounds that are tried at most to see whether memory that grows goes on growing.
+/// Most rounds that distinguish a leak from an allocator that settles.
 const MOST_ROUNDS: usize = 36;
 
-/// Rounds of loading a scene, rendering it with every estimator, saving and loading its checkpoint, and learning a table,
-/// for this long and at least nine times: memory that grows, and bytes that change from round to round. Memory that grows too
-/// much gets more rounds: a leak goes on, an allocator under load settles.
+/// Repeats rounds of loading a scene, rendering it with every estimator, saving and loading its checkpoint, and
+/// learning a table, for this time and at least nine times. Finds growing memory, and bytes that differ between rounds.
+/// Memory that grows too much gets more rounds: a leak grows on, an allocator under load settles.
 pub fn run(time: Duration) -> Vec<Finding> {
     let mut all = Vec::new();
     #[cfg(feature = "train")]
@@ -72,7 +72,7 @@ pub fn run(time: Duration) -> Vec<Finding> {
     all
 }
 
-/// Growth of memory over steps of the optimiser, of which a training takes far more than a round does.
+/// Growth of memory over steps of the optimiser: a training has far more of them than a round.
 #[cfg(feature = "train")]
 fn learner() -> Option<Finding> {
     use opsr::regularise::{LEN, Lookup};

@@ -1,4 +1,4 @@
-//! Small renders: light leaks, scale of the scene, Russian roulette, empty scenes.
+//! Small renders: light leaks, scales of the scene, Russian roulette, empty scenes.
 
 use super::{Finding, Numbers};
 use crate::gallery::shapes::{quad, room, sphere};
@@ -51,7 +51,7 @@ fn render(parts: SceneParts, settings: &Settings, size: u32, spp: u32) -> Film {
     picture.film
 }
 
-/// Mean of the picture and its standard error; not a number where samples were refused.
+/// Mean of the picture and its standard error; NaN if samples were rejected.
 fn mean(film: &Film) -> (f64, f64) {
     if film.rejected.total() > 0 {
         return (f64::NAN, f64::NAN);
@@ -63,7 +63,7 @@ fn mean(film: &Film) -> (f64, f64) {
     (sum / n, variance.sqrt() / n)
 }
 
-/// Largest of a quantity over the pixels; NaN if samples were refused.
+/// Largest of a quantity over the pixels; NaN if samples were rejected.
 fn largest(film: &Film, at: impl Fn(usize) -> f64) -> f64 {
     if film.rejected.total() > 0 {
         return f64::NAN;
@@ -115,8 +115,8 @@ pub(super) fn mean_across_the_dirac_bound() -> Finding {
     Finding::new("mean of a picture across α = 1e-3", 5e-3, errors)
 }
 
-/// Relative change of the mean of a picture by a ball with an index near 1, on a floor under a constant sky. The indices
-/// lie on both sides of the bound below which an interface is invisible.
+/// Relative change of a picture's mean by a ball with an index near 1, on a floor under a constant sky. The indices are
+/// on both sides of the bound below which an interface is invisible.
 pub(super) fn weak_interfaces() -> Vec<Finding> {
     let parts = |ior: f32, alpha: f32| {
         let mut parts = SceneParts::default();
@@ -148,12 +148,12 @@ pub(super) fn weak_interfaces() -> Vec<Finding> {
             5e-3,
             worst(plain(), &[0.0, 0.01]),
         ),
-        // Single scattering loses the light that a rough interface masks, at any index.
+        // Single scattering loses the light that a rough interface masks, whatever its index.
         Finding::new("the same, rough or roughened", 2e-2, rough),
     ]
 }
 
-/// Sphere with random shading normals, a camera inside and all light outside.
+/// Sphere with random shading normals, the camera inside and all light outside.
 fn dark(open: bool) -> SceneParts {
     let mut numbers = Numbers::new(40);
     let mut ball = sphere(Vec3::ZERO, 1.0, 3);
@@ -185,7 +185,7 @@ fn dark(open: bool) -> SceneParts {
     parts
 }
 
-/// Largest value seen inside a closed sphere, or inside one with a hole.
+/// Largest value inside a closed sphere, or inside a sphere with a hole.
 pub fn leak(open: bool) -> Finding {
     let reuse = Settings {
         estimator: Estimator::Path { reuse: true },
@@ -206,8 +206,8 @@ pub(super) fn leaks() -> Vec<Finding> {
     vec![leak(false), divided(), covered(true)]
 }
 
-/// Largest value seen inside a closed box of flat walls, turned so that the triangles of a wall share a plane only up to
-/// rounding, with all light outside.
+/// Largest value inside a closed box of flat walls with all light outside. The box is rotated, so that the triangles of
+/// a wall are coplanar only up to rounding.
 pub(crate) fn divided() -> Finding {
     let inside = |turn: [f32; 3]| {
         let mut parts = SceneParts::default();
@@ -248,7 +248,7 @@ fn lamp(closed: bool) -> SceneParts {
     parts
 }
 
-/// Largest value of a picture whose only light is covered by a sheet that almost touches it.
+/// Largest value of a picture whose only light is covered by a sheet that almost touches the light.
 pub fn covered(closed: bool) -> Finding {
     let films = [1e-3, 1.0, 37.0, 1e6].into_iter().flat_map(|scale| {
         let settings = [plain(), regularised()].into_iter();
@@ -305,7 +305,7 @@ pub(super) fn scales() -> Vec<Finding> {
 }
 
 /// White furnace with Russian roulette from the first vertex on, for dark and bright walls and radiances from 1e-30 to
-/// 1e30: difference of the mean from 1 in standard errors.
+/// 1e30: deviation of the mean from 1 in standard errors.
 pub(super) fn roulette() -> Vec<Finding> {
     let settings = Settings {
         max_vertices: 256,
@@ -330,7 +330,7 @@ pub(super) fn roulette() -> Vec<Finding> {
         let (off, error) = furnace(&settings, 256, albedo, radiance);
         off.abs() / error
     });
-    // Two walks with roulette of their own.
+    // Camera and light walk each have their own roulette.
     let both = Settings {
         estimator: Estimator::Bdpt,
         ..settings.clone()
@@ -341,7 +341,7 @@ pub(super) fn roulette() -> Vec<Finding> {
         off.abs() / error
     });
     let noisy = noisy.into_iter().chain(from_both_ends);
-    // Paths with throughput 0 or 1e-30 stop at once.
+    // Paths of throughput 0 or 1e-30 end at once.
     let dark = [0.0, 1e-30].map(|albedo| furnace(&settings, 256, albedo, 1.0).0.abs());
     vec![
         Finding::new("furnace with roulette: standard errors from 1", 4.5, noisy),

@@ -35,7 +35,7 @@ pub fn sums(weight: &dyn Fn(f32, f32) -> f32) -> Finding {
     for p in [1e-38, 1.0, 1e38] {
         errors.push(f64::from(weight(0.0, p)));
         errors.push(f64::from(weight(p, 0.0) - 1.0).abs());
-        // The density of a light seen edge on.
+        // The density of a light seen exactly edge on.
         errors.push(f64::from(weight(p, f32::INFINITY)));
     }
     Finding::new(
@@ -84,7 +84,7 @@ pub fn spread(variance: Variance<'_>) -> Finding {
     )
 }
 
-/// Mean and variance of 2²⁶ samples, more than a single-precision sum can count, merged from parts.
+/// Mean and variance of 2²⁶ samples, more than single precision can count, merged from parts.
 fn many() -> Finding {
     let mut part = Moments::default();
     for i in 0..1024 {

@@ -6,7 +6,7 @@ use opsr::math::{Rgb, Vec3};
 use opsr::scene::procedural::materials::{ALUMINIUM, COPPER, diffuse, emitter, glass, metal};
 use opsr::scene::{Material, Mesh, SceneParts};
 
-/// Polished: glass ball, copper ring, prism on a diffuse block.
+/// Polished copper ring, glass ball, and a prism on a diffuse block.
 pub(super) fn cornell_caustics() -> SceneParts {
     furnished(
         metal("copper", COPPER, 0.0),
@@ -15,7 +15,7 @@ pub(super) fn cornell_caustics() -> SceneParts {
     )
 }
 
-/// The same with metals at 0.05 and 0.15.
+/// The same with metals of roughness 0.05 and 0.15, and a prism of 0.05.
 pub(super) fn cornell_glossy() -> SceneParts {
     furnished(
         metal("copper", COPPER, 0.05),
@@ -47,8 +47,8 @@ fn furnished(ring_metal: Material, block: Material, prism_glass: Material) -> Sc
     parts
 }
 
-/// The open box with a small light off its centre, towards the back, so that caustics fall to the front; the camera
-/// looks down on them.
+/// The open box with a small light near the back, so that caustics fall to the front, and a camera that looks down on
+/// them.
 pub(super) fn caustic_box(light: Vec3, edge: f32, radiance: f32) -> SceneParts {
     let mut parts = SceneParts::default();
     let [left, right, floor, ceiling, back, _] =

@@ -7,7 +7,7 @@ use opsr::math::{Rgb, Vec3};
 use opsr::scene::SceneParts;
 use opsr::scene::procedural::materials::{ALUMINIUM, GOLD, coated, diffuse, emitter, glass, metal};
 
-/// Hollow ball with a ball in it, a decanter, frosted balls.
+/// A hollow glass ball with a ball inside, a decanter, frosted balls.
 pub(super) fn glass_in_glass() -> SceneParts {
     let mut parts = caustic_box(v3(-0.6, 1.7, -0.75), 0.34, 27.0);
     let centre = v3(0.45, 0.52, 0.0);
@@ -65,7 +65,7 @@ pub(super) fn bulb_lamp() -> SceneParts {
         emitter("filament", v3(1.0, 0.85, 0.6) * 10.3),
         [sphere(bulb, 0.175, 2)],
     );
-    // Ribbed outside, smooth inside: bands of light on all walls.
+    // Ribbed outside and smooth inside: it projects bands of light on all walls.
     let ribbed = blob(4, |d| {
         0.275
             + 0.008 * (14.0 * d.y).sin()

@@ -59,7 +59,7 @@ pub(super) fn corridor() -> SceneParts {
         (GOLD, 0.04),
     ];
     for (k, (f0, alpha)) in kinds.into_iter().enumerate() {
-        // Panels of a unit length; the right wall is two panels out of step, so that unequal ones face each other.
+        // Panels of unit length. The right wall is shifted by two panels, so that different ones face each other.
         let left = (0..6)
             .filter(|i| i % 4 == k)
             .map(|i| quad(v3(-0.8, 0.0, -(i as f32)), Vec3::Y * 1.6, Vec3::Z));

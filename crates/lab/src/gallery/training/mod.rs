@@ -1,9 +1,9 @@
 //! The scenes of `training_scenes/`, as code: `opsr scenes write` turns them into files. Their crops and exposures are in
 //! the manifest.
 //!
-//! Together they visit nearly all classes of path roughness whose last vertex can be roughened, hold sharp caustics of
-//! every kind (a blunt one forgives any roughening), and stay below a relative noise of about 0.3 in a pixel of 1024
-//! samples, because a noisy L1 loss prefers to lose energy.
+//! Together their paths visit nearly all classes whose last vertex can be roughened. They have sharp caustics of every
+//! kind, because a blurred caustic tolerates any roughening. Their relative noise stays below about 0.3 in a pixel of
+//! 1024 samples, because a noisy L1 loss prefers to lose energy.
 
 mod boxes;
 mod glass;

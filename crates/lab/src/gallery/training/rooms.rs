@@ -1,4 +1,4 @@
-//! Rooms tiled with every roughness. Paths between their walls meet the four roughness bins about equally often, so that
+//! Rooms tiled with every roughness. Paths between their walls hit the four roughness bins about equally often, so that
 //! five vertices form every combination of bins.
 
 use crate::gallery::shapes::{blob, cuboid, cylinder, quad, sphere, torus};
@@ -23,7 +23,7 @@ fn tile_materials() -> [Material; 8] {
     ]
 }
 
-/// Covers the six walls of a room with `n` × `n` tiles each, material by a fixed hash.
+/// Covers each of the six walls of a room with `n` × `n` tiles, whose materials a fixed hash chooses.
 fn tiled(parts: &mut SceneParts, min: Vec3, max: Vec3, n: u32, seed: u32) {
     let d = max - min;
     let (x, y, z) = (Vec3::X * d.x, Vec3::Y * d.y, Vec3::Z * d.z);

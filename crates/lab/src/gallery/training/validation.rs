@@ -1,4 +1,4 @@
-//! Scenes kept back from training: other shapes, other materials, other lights.
+//! Scenes held out from training: other shapes, other materials, other lights.
 
 use super::boxes::lamp;
 use super::water::{basin, waves};
@@ -74,7 +74,7 @@ pub(super) fn figurines() -> SceneParts {
     let mut parts = SceneParts::default();
     // Floor and backdrop in one: flat, then a quarter circle upward behind the figures.
     let backdrop = height_field(v2(-2.5, -2.44), v2(2.5, 1.8), [1, 42], |_, z| {
-        // A quarter of an ellipse that ends steep, not upright, above what the camera sees.
+        // A quarter of an ellipse. It ends above the picture, steep but not vertical.
         let bend = ((-0.9 - z) / 1.55).clamp(0.0, 1.0);
         2.2 * (1.0 - (1.0 - bend * bend).max(0.0).sqrt())
     });

@@ -6,7 +6,7 @@ use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::procedural::materials::{diffuse, emitter, glass};
 use opsr::scene::{Mesh, SceneParts};
 
-/// The walls and the floor of a basin below y = 0, seen from inside.
+/// The walls and the floor of a basin below y = 0, fronts inside.
 pub(super) fn basin(min: Vec2, max: Vec2, depth: f32) -> Mesh {
     let [a, b, floor, _, c, d] = shapes::room(v3(min.x, -depth, min.y), v3(max.x, 0.0, max.y));
     Mesh::joined([a, b, floor, c, d])

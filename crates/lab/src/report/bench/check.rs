@@ -6,13 +6,13 @@ use super::suite::{SceneSpec, Suite};
 use opsr::image::film::Window;
 use opsr::integrator::method::IntegratorKind;
 
-/// The most seeds of a suite: comparisons go through all of them again and again.
+/// The most seeds of a suite: comparisons take each pair of them.
 const MAX_SEEDS: u32 = 1000;
 
-/// The most stops of exposure: beyond, single precision is at its end.
+/// The most stops of exposure, within the range of single precision.
 const MAX_STOPS: f32 = 64.0;
 
-/// The message unless the condition holds.
+/// An error with this message unless the condition holds.
 fn ensure(holds: bool, message: impl Into<String>) -> Result<(), String> {
     if holds { Ok(()) } else { Err(message.into()) }
 }

@@ -4,7 +4,7 @@ use super::results::{Point, Run};
 use super::suite::Clock;
 
 impl Clock {
-    /// Seconds of a point by this clock.
+    /// Seconds of a point by this clock; CPU time is divided by the threads.
     pub fn seconds(self, point: &Point, threads: usize) -> f64 {
         match self {
             Self::Wall => point.wall,
@@ -13,10 +13,10 @@ impl Clock {
     }
 }
 
-/// The error of a run at a time, between two records by a power law.
+/// The error of a run at a time in seconds, interpolated by a power law.
 ///
-/// Passes do not end at the second: the record after it lies a little late, and its error is corrected by the slope
-/// from the record before. `None` outside of what was recorded.
+/// Passes do not end exactly at the time points: the next record is a little late. The slope from the record before
+/// corrects its error. `None` outside of the recorded times.
 pub fn at_seconds(run: &Run, metric: &str, t: f64, seconds: &dyn Fn(&Point) -> f64) -> Option<f64> {
     let points = &run.points;
     let late = points.iter().position(|p| seconds(p) >= t)?;
@@ -29,7 +29,7 @@ pub fn at_seconds(run: &Run, metric: &str, t: f64, seconds: &dyn Fn(&Point) -> f
     Some(between((a, error_a), (b, error_b), t))
 }
 
-/// A power law through two points; a straight line where an error is zero.
+/// A power law through two points; a straight line if an error is zero.
 fn between((a, error_a): (f64, f64), (b, error_b): (f64, f64), t: f64) -> f64 {
     let s = (t / a).ln() / (b / a).ln();
     if !s.is_finite() {
@@ -42,7 +42,7 @@ fn between((a, error_a): (f64, f64), (b, error_b): (f64, f64), t: f64) -> f64 {
     }
 }
 
-/// The error of a run at exactly this number of samples.
+/// The error of a run at exactly this number of samples; `None` without such a record.
 pub fn at_samples(run: &Run, metric: &str, samples: u32) -> Option<f64> {
     let point = run.points.iter().find(|p| p.samples == samples)?;
     point.errors.get(metric).copied()
@@ -55,17 +55,17 @@ pub enum Crossing {
     Never,
     /// The curves cross at this second, within what was measured.
     Measured(f64),
-    /// The curves cross at about this second, if the baseline's error keeps falling as 1/t and the method's stays at its bias.
+    /// The curves cross at about this second, if the baseline's error falls as 1/t and the method's stays at its bias.
     Extrapolated(f64),
-    /// No bias was found that the baseline could get below.
+    /// The method is still better, and no bias was found that the baseline could fall below.
     NotInSight,
-    /// The two are a tie where the measurement ends: a crossing would be one of noise.
+    /// Method and baseline are a tie at the last time point, where noise would decide a crossing.
     Undecided,
 }
 
 /// Point at which the baseline overtakes a method, from the mean errors of both at `times`.
 ///
-/// `floor` is the error that the method's bias leaves for ever, if one was found.
+/// `floor` is the part of the method's error that is bias, if one was found.
 pub fn crossing(
     times: &[f64],
     ours: &[f64],
@@ -82,7 +82,7 @@ pub fn crossing(
         return None;
     }
     if gap[last] < 0.0 {
-        // The error falls to the floor and not below; the baseline has no floor.
+        // The method's error falls to its floor but not below; the baseline has no floor.
         return Some(match floor {
             Some(floor) if floor > 0.0 => {
                 Crossing::Extrapolated(times[last] * (baseline[last] / floor).max(1.0))

@@ -1,4 +1,4 @@
-//! The errors of a picture by name, and the products of errors that tell bias from noise.
+//! The errors of a picture by name, and products of errors, which separate bias from noise.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ pub fn errors(
     exposure: f32,
 ) -> Result<BTreeMap<String, f64>, MetricError> {
     let mut errors: BTreeMap<String, f64> = (metric::pixel::all(picture, reference)?.iter())
-        // The root of MSE says nothing new.
+        // RMSE is the root of MSE.
         .filter(|m| m.name != "RMSE")
         .map(|m| (m.name.to_owned(), m.value))
         .collect();
@@ -27,11 +27,11 @@ pub fn errors(
     Ok(errors)
 }
 
-/// Pixels a side of the tiles on which an error map is compared with the true error.
+/// Pixels along a side of the tiles on which an error map is compared with the true error.
 const MAP_TILE: u32 = 8;
 
-/// The error map of a picture against its true error, the [mean relative error](metric::mean_relative_error) of tiles: the geometric mean of
-/// stated over true, and Spearman's rank correlation of the two.
+/// The error map of a picture against its true error, the [mean relative error](metric::mean_relative_error) of tiles:
+/// geometric mean of estimated over true error, and Spearman's rank correlation of the two.
 pub fn error_map(
     resolved: &Resolved,
     reference: &Buffer,
@@ -82,7 +82,7 @@ fn ranks(values: &[f64]) -> Vec<f64> {
     ranks
 }
 
-/// Mean of (Iₖ − f)(Iₗ − f)/(f² + ε) over pixels and channels.
+/// Products of errors for all pairs of pictures: mean of (Iₖ − f)(Iₗ − f)/(f² + ε) over pixels and channels.
 pub fn error_products(pictures: &[Buffer], reference: &Buffer) -> Vec<Vec<f64>> {
     let scaled = |p: &Buffer| -> Vec<f64> {
         let pairs = p.pixels.iter().zip(&reference.pixels);

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 pub struct Machine {
     /// The processor's name.
     pub cpu: String,
-    /// Threads that the system offers.
+    /// Threads that the system provides.
     pub cores: usize,
-    /// Threads that rendered.
+    /// Threads of the renders.
     pub threads: usize,
     /// Operating system and architecture.
     pub system: String,
@@ -37,7 +37,7 @@ impl Machine {
     }
 }
 
-/// Memory of this process in MiB.
+/// Resident memory of this process in MiB; `None` where the system does not report it.
 pub fn memory() -> Option<f64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|l| l.starts_with("VmRSS:"))?;

@@ -40,7 +40,7 @@ pub enum BenchError {
     /// A scene of the suite, or a method on it.
     #[error("scene {place}: {reason}")]
     Scene {
-        /// Name of the scene, and of the method if the fault is there.
+        /// Name of the scene, and of the method if the fault is in a method.
         place: String,
         /// The fault.
         reason: String,
@@ -48,7 +48,7 @@ pub enum BenchError {
 }
 
 impl BenchError {
-    /// True if the place to write to is at fault, rather than the input.
+    /// True if the fault is in the output file rather than in the input.
     pub fn is_output(&self) -> bool {
         matches!(self, Self::File(e) if e.is_write())
     }

@@ -1,6 +1,6 @@
 //! Methods over many scenes: the geometric mean of their ratios to an opponent, seed by seed.
 //!
-//! The interval tells what other seeds would do on *these* scenes; what other scenes would do, it cannot tell.
+//! The interval covers the choice of seeds on *these* scenes; it does not cover the choice of scenes.
 
 use super::results::Results;
 use super::suite::{SceneSpec, Suite};
@@ -9,13 +9,13 @@ use crate::stats::ratios::{self, Interval, Verdict};
 use opsr::integrator::method::Mode;
 use opsr::render::value::TableChoice;
 
-/// The errors that are compared over scenes.
+/// The errors that are compared over many scenes.
 pub const METRICS: [&str; 4] = [MAIN, "relMSE trimmed", "MAPE", "FLIP"];
 
 /// All methods against one of them, over some scenes.
 #[derive(Clone, Debug)]
 pub struct Overall {
-    /// The group of scenes; `None` for all of them.
+    /// The group of scenes; `None` for all scenes.
     pub group: Option<String>,
     /// The method that the others are compared with.
     pub opponent: String,
@@ -34,7 +34,7 @@ pub struct Standing {
     pub scenes: usize,
     /// Ratios of [`METRICS`], in that order.
     pub ratios: Vec<Option<(Interval, Verdict)>>,
-    /// Scenes on which [`MAIN`] is better, no different, worse.
+    /// Number of scenes on which [`MAIN`] is better, no different, worse.
     pub tally: [usize; 3],
 }
 
@@ -74,7 +74,7 @@ pub fn overall(results: &Results, group: Option<&str>, opponent: &str) -> Overal
     }
 }
 
-/// The constant that is best on the scenes measured, chosen with hindsight: what a learned table has to beat.
+/// The constant factor with the least error on the measured scenes, chosen with hindsight: the aim of a learned table.
 pub fn best_constant(results: &Results) -> Option<&str> {
     let level = |name: &str| -> Option<f64> {
         let at = last_time_point(&results.suite)?;
@@ -128,7 +128,7 @@ fn standing(results: &Results, scenes: &[&SceneSpec], name: &str, opponent: &str
     }
 }
 
-/// Errors of both methods on a scene by seed; `None` for a seed that one of them lacks.
+/// Errors of both methods on a scene by seed; `None` for a seed without result.
 type ScenePairs = (Vec<Option<f64>>, Vec<Option<f64>>);
 
 fn pairs(
@@ -152,7 +152,7 @@ fn pairs(
     pairs.0.iter().any(Option::is_some).then_some(pairs)
 }
 
-/// Ratio of the geometric means over scenes, paired by seed; seeds that are not complete are left out.
+/// Ratio of the geometric means over scenes, paired by seed; seeds without all results are left out.
 fn mean_ratio(scenes: &[ScenePairs]) -> Option<(Interval, Verdict)> {
     let seeds = scenes.first()?.0.len();
     let over_scenes = |errors: &dyn Fn(&ScenePairs) -> Option<f64>| {

@@ -1,4 +1,4 @@
-//! Scenes ready for measurement: loaded, with their reference, which is rendered once and kept.
+//! Scenes prepared for measurement: loaded, with a reference that is rendered once and cached.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -20,10 +20,10 @@ use opsr::scene::load::load;
 use opsr::scene::{Camera, Environment, Scene, SceneParts};
 use sha2::{Digest, Sha256};
 
-/// Seed of references: far from the seeds that are measured, whose paths must not be in the reference.
+/// Seed of references, far from the seeds of the suite: their paths must not be in the reference.
 const REFERENCE_SEED: u64 = 0x7e7e_7e7e_0000_0001;
 
-/// A scene made ready.
+/// A scene that is ready to be measured.
 pub(super) struct Prepared {
     pub(super) scene: Scene,
     pub(super) camera: Camera,
@@ -39,7 +39,7 @@ fn fault(spec: &SceneSpec, reason: impl ToString) -> BenchError {
     }
 }
 
-/// Loads a scene and finds or makes its reference; `None` if the listener breaks while one is made.
+/// Loads a scene and finds or renders its reference; `None` if the callback stops the rendering.
 pub(super) fn prepare(
     spec: &SceneSpec,
     cache: &Path,
@@ -56,7 +56,7 @@ pub(super) fn prepare(
     if *options != Spec::default() {
         let mut digest = Sha256::new_with_prefix(&source);
         digest.update(options.words(&[Heading::Scene, Heading::Light]));
-        // A suite names its light: nothing is lit by default.
+        // A suite states its light: there is none by default.
         let own = parts.environment.take();
         let surroundings = options.surroundings(own, true, |bytes| digest.update(bytes));
         parts.environment = surroundings.map_err(|e| fault(spec, e))?;
@@ -122,7 +122,7 @@ fn camera(spec: &SceneSpec, scene: &Scene) -> Result<Camera, BenchError> {
 }
 
 impl Prepared {
-    /// Takes the reference from a file: a film, whose noise is known, or any picture of the right size.
+    /// Reads the reference from a file: a film, whose noise is known, or any picture of the right size.
     fn given(&mut self, spec: &SceneSpec, path: &Path) -> Result<(), BenchError> {
         self.facts.reference = path.display().to_string();
         if let Ok(film) = exr::read_film(path)
@@ -147,7 +147,7 @@ impl Prepared {
         Ok(())
     }
 
-    /// Renders the reference, unless it is in the cache.
+    /// Renders the reference, unless the cache has it.
     fn made(
         &mut self,
         spec: &SceneSpec,
@@ -189,7 +189,7 @@ impl Prepared {
         }
         files::create_folder(cache)?;
         exr::write_film(&path, &picture.film, &[], &exr::Metadata::new())?;
-        // As it will be read next time, so that the reference of a resumed bench is bit-identical.
+        // Read back from the file, so that the reference of a resumed bench is bit-identical.
         self.take(&exr::read_film(&path)?);
         Ok(Some(()))
     }
@@ -225,7 +225,7 @@ impl Prepared {
     }
 }
 
-/// A window of a picture that begins at `origin` of the frame.
+/// The window of a picture whose first pixel is at `origin` of the frame.
 fn cut(picture: &Buffer, window: Window, origin: (u32, u32)) -> Buffer {
     let (x0, y0) = (
         (window.x - origin.0) as usize,
@@ -250,7 +250,7 @@ pub(super) fn inset(spec: &SceneSpec, method: Option<&str>, key: &str, picture: 
     }
 }
 
-/// The first half of a SHA-256, in hexadecimal digits: enough to tell files and runs apart.
+/// The first half of a SHA-256 in hexadecimal digits, which identifies files and runs.
 pub(super) fn short_hash(what: &serde_json::Value) -> String {
     hex(&Sha256::digest(what.to_string().as_bytes())[..16])
 }

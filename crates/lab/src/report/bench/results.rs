@@ -1,4 +1,4 @@
-//! Results of a bench as a JSON file. Everything that a report shows is in it.
+//! Results of a bench as a JSON file, which is all that a report needs.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -16,18 +16,18 @@ use opsr::math::Rgb;
 /// Version of the file's layout.
 pub const VERSION: u32 = 1;
 
-/// Larger files are not results: this much JSON can stand for some hundred MiB of numbers.
+/// Most bytes of a file: this much JSON becomes some hundred MiB of numbers.
 const MAX_BYTES: u64 = 1 << 26;
 
-/// All measurements of a suite, or those made so far.
+/// The measurements of a suite, complete or so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Results {
-    /// [`VERSION`].
+    /// Version of the layout, [`VERSION`].
     pub version: u32,
     /// Version of the program.
     pub program: String,
-    /// The command that was typed.
+    /// The command line.
     pub command: String,
     /// Machine that it ran on.
     pub machine: Machine,
@@ -35,11 +35,11 @@ pub struct Results {
     pub suite: Suite,
     /// Facts about the scenes, in the suite's order.
     pub scenes: Vec<SceneFacts>,
-    /// One run each of a method on a scene with a seed, in the order of measurement.
+    /// Runs, one for each method, scene and seed, in the order of measurement.
     pub cells: Vec<Run>,
-    /// Products of errors between seeds, where all seeds are there.
+    /// Products of errors between seeds, for methods with all seeds.
     pub products: Vec<Products>,
-    /// Parts of pictures to show.
+    /// Parts of pictures that the report shows.
     pub insets: Vec<Inset>,
 }
 
@@ -53,9 +53,9 @@ pub struct SceneFacts {
     pub triangles: usize,
     /// SHA-256 of its file, or the name of the builtin scene.
     pub source: String,
-    /// Origin of the reference.
+    /// Origin of the reference, as a message.
     pub reference: String,
-    /// Variance of the reference as relMSE counts it; zero where it is not known.
+    /// Variance of the reference in the units of relMSE; zero if it is not known.
     pub reference_noise: f64,
 }
 
@@ -69,22 +69,22 @@ pub struct Run {
     pub method: String,
     /// The seed.
     pub seed: u64,
-    /// Hash of everything that this run depends on: a run with the same key need not be made again.
+    /// Hash of all inputs of this run: a run with an equal key is not repeated.
     pub key: String,
-    /// The errors as samples and time grew, in that order.
+    /// The errors at increasing samples and times.
     pub points: Vec<Point>,
-    /// CPU time of pilots in seconds, over all threads: a part of the time of every point.
+    /// CPU time of the pilot in seconds, over all threads; the time of every point includes it.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub pilot: f64,
     /// Paths traced in all.
     pub paths: u64,
-    /// Samples that were refused as not finite.
+    /// Samples that were rejected because they were not finite.
     pub rejected: u64,
-    /// Share of the vertices with a roughened lobe, counted apart from what is timed.
+    /// Share of the vertices with a roughened lobe, counted outside of the measured time.
     pub regularised: f64,
-    /// Memory of the process at the end of the run, in MiB, where the system tells.
+    /// Memory of the process at the end of the run, in MiB, if the system reports it.
     pub memory: Option<f64>,
-    /// Why the scene refuses the method; nothing was measured then.
+    /// Reason for which the scene refuses the method; such a run has no measurements.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
 }
@@ -93,7 +93,7 @@ fn is_zero(x: &f64) -> bool {
     *x == 0.0
 }
 
-/// State of a run at a look.
+/// State of a run at a time point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Point {
@@ -107,7 +107,7 @@ pub struct Point {
     pub errors: BTreeMap<String, f64>,
 }
 
-/// Mean over the picture of (Iₖ − f)(Iₗ − f)/(f² + ε) for all pairs of seeds at the end of their runs.
+/// Products of errors of all pairs of seeds at the end of their runs: mean of (Iₖ − f)(Iₗ − f)/(f² + ε) over pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Products {
@@ -142,7 +142,7 @@ pub struct Inset {
 }
 
 impl Point {
-    /// This point with errors, which are rounded to seven digits: measurements have no more.
+    /// This point with errors. All numbers are rounded to seven digits: measurements are not more precise.
     pub(super) fn with(&self, errors: BTreeMap<String, f64>) -> Self {
         let rounded = |x: f64| format!("{x:.6e}").parse().unwrap_or(x);
         Self {
@@ -155,8 +155,8 @@ impl Point {
 }
 
 impl Inset {
-    /// Pixels as text: eight bits of each channel under the exponent of the largest, good to 0.4 % of it; a quarter
-    /// of the size of single precision. What is negative or not a number becomes black.
+    /// Pixels as text: eight bits per channel with the exponent of the largest, precise to 0.4 % of it, at a quarter of
+    /// the size of single precision. Negative and non-finite values become black.
     pub fn encode(picture: &Buffer) -> String {
         let bytes: Vec<u8> = picture.pixels.iter().flat_map(|p| shared(*p)).collect();
         BASE64_STANDARD.encode(bytes)
@@ -180,7 +180,7 @@ impl Inset {
     }
 }
 
-/// Exponents are stored from this one on.
+/// Least exponent, which is stored as 0.
 const LOWEST: i32 = -128;
 
 fn shared(pixel: Rgb) -> [u8; 4] {
@@ -188,7 +188,7 @@ fn shared(pixel: Rgb) -> [u8; 4] {
     if !(largest > 0.0 && largest.is_finite()) {
         return [0; 4];
     }
-    // The smallest e for which 255 · 2^e is not exceeded.
+    // The smallest e with 255 · 2^e not below the largest channel.
     let exponent = ((largest / 255.0).log2().ceil() as i32).max(LOWEST);
     let scale = (exponent as f32).exp2();
     let [r, g, b] = pixel
@@ -221,16 +221,16 @@ impl Results {
         Ok(results)
     }
 
-    /// Writes the file, whole or not at all.
+    /// Writes the file atomically.
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
         files::write(path, |out| {
-            // Not for eyes, and three times as long with line breaks.
+            // Without line breaks, which would make it three times as large.
             serde_json::to_writer(&mut *out, self)?;
             out.write_all(b"\n")
         })
     }
 
-    /// The runs of a method on a scene, in the suite's order of seeds; none where the scene refuses the method.
+    /// The runs of a method on a scene, in the suite's order of seeds; none if the scene refuses the method.
     pub fn runs(&self, scene: &str, method: &str) -> Vec<&Run> {
         let of = |seed: u64| {
             self.cells
@@ -251,7 +251,7 @@ impl Results {
         refused
     }
 
-    /// Squared bias material of a method on a scene.
+    /// Products of errors of a method on a scene, from which its squared bias is estimated.
     pub fn products(&self, scene: &str, method: &str) -> Option<&Products> {
         self.products
             .iter()

@@ -1,8 +1,8 @@
-//! The measurement.
+//! The measurement of a suite.
 //!
-//! Each (scene, method, seed) is one progressive run: passes are timed, errors are computed between them with the
-//! clocks stopped. Within a scene the methods take turns seed by seed, each time beginning with another one, so
-//! that a machine that gets warm or busy does so for all of them. After each run the results are on disk.
+//! Each (scene, method, seed) is one progressive run: passes are timed, and the clocks stop while errors are computed.
+//! Within a scene the methods alternate for each seed, each seed with another first one, so that a machine that gets
+//! warm or busy affects all of them. The results are written after each run.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -36,9 +36,9 @@ const CENSUS: u32 = 2;
 pub struct Status {
     /// Current work.
     pub what: String,
-    /// Number of runs that are done, earlier ones included.
+    /// Number of finished runs, earlier ones included.
     pub done: usize,
-    /// Number of all runs.
+    /// Number of all runs of the suite.
     pub total: usize,
 }
 
@@ -47,16 +47,16 @@ pub struct Status {
 pub enum Outcome {
     /// Everything is measured.
     Done,
-    /// The listener broke; what was measured is in the file.
+    /// The callback stopped the bench; the file has the measurements so far.
     Stopped,
 }
 
-/// Function that is called after every pass, outside of the time that is measured. It can stop the bench.
+/// Callback after every pass, outside of the measured time. It can stop the bench.
 pub type Listener<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
 
 /// Measures the runs of `suite` that are not yet in the file at `path`.
 ///
-/// Pictures and references are kept in a folder beside the file.
+/// Pictures and references are stored in a folder beside the file.
 pub fn run(
     suite: &Suite,
     path: &Path,
@@ -127,7 +127,7 @@ impl Measured {
 
 impl Bench<'_> {
     fn scenes(&mut self) -> Result<Outcome, BenchError> {
-        // A table that cannot be read is reported before hours of measurement, not after; and it is read once.
+        // Tables are read once, first: an unreadable one must not become known only after hours of measurement.
         let mut methods = self.suite.methods.clone();
         for choice in methods
             .iter_mut()
@@ -135,7 +135,7 @@ impl Bench<'_> {
         {
             choice.load()?;
         }
-        // So are a library that is missing and a place that cannot be written to.
+        // The same holds for a missing library and for a folder that cannot be written.
         if let Some(spec) = methods.iter().find(|m| m.spec.denoise == Some(true)) {
             let denoiser = Denoiser::open().map_err(|e| BenchError::Scene {
                 place: format!("method `{}`", spec.name),
@@ -187,7 +187,7 @@ impl Bench<'_> {
                     in_studio: false,
                 };
                 let request = Request::new(&render, subject, Some(scene.camera.clone()));
-                // With the name: a method may be measured against itself.
+                // The key has the method's name, because a method may be measured against itself.
                 let key = |words: &str| short_hash(&serde_json::json!([base, method.name, words]));
                 match request {
                     Ok(request) => {
@@ -225,7 +225,7 @@ impl Bench<'_> {
         Ok(Outcome::Done)
     }
 
-    /// Hash of everything that all runs of a scene depend on.
+    /// Hash of the inputs that all runs of a scene have in common.
     fn base_key(&self, spec: &SceneSpec, scene: &Prepared) -> String {
         let mut pixels = Sha256::new();
         for p in &scene.reference.pixels {
@@ -270,7 +270,7 @@ impl Bench<'_> {
         };
         let mut now = Point::default();
         let watch = Stopwatch::start();
-        // A pilot plans for the whole run.
+        // A pilot plans for the longest time of the suite.
         if let Some(longest) = self.suite.times.last() {
             request.spec.time = Duration::try_from_secs_f64(*longest).ok();
         }
@@ -326,7 +326,7 @@ impl Bench<'_> {
         Ok(Some(Measured::new(run, &picture.film, shown)))
     }
 
-    /// Notes that the scene refuses the method.
+    /// Stores that the scene refuses the method.
     fn refuse(
         &mut self,
         spec: &SceneSpec,
@@ -347,7 +347,7 @@ impl Bench<'_> {
         self.take(run)
     }
 
-    /// Takes a run into the results and writes them.
+    /// Stores a run with its picture, and writes the results.
     fn keep(&mut self, spec: &SceneSpec, measured: Measured, show: bool) -> Result<(), BenchError> {
         let Measured { run, picture } = measured;
         files::create_folder(&self.folder)?;
@@ -365,7 +365,7 @@ impl Bench<'_> {
         self.take(run)
     }
 
-    /// Puts a run in the place of an older one, and writes the results.
+    /// Replaces an older run of the same scene, method and seed, and writes the results.
     fn take(&mut self, run: Run) -> Result<(), BenchError> {
         self.results
             .cells
@@ -384,7 +384,7 @@ impl Bench<'_> {
         insets.push(inset);
     }
 
-    /// Products of errors between all seeds of a method. Where a picture is gone there are none.
+    /// Stores products of errors between all seeds of a method; none if a picture is missing.
     fn multiply(
         &mut self,
         spec: &SceneSpec,
@@ -428,15 +428,15 @@ impl Bench<'_> {
     }
 }
 
-/// A scene and its reference, which pictures are compared with.
+/// A scene and its reference, with which pictures are compared.
 struct Look<'a> {
     scene: &'a SceneSpec,
     reference: &'a Buffer,
 }
 
 impl Look<'_> {
-    /// The picture of a time point and its errors. Choosing levels and denoising are part of the render, but not of the
-    /// passes that follow.
+    /// The picture at a time point and its errors. The time for resolve and denoising counts at this point, but not in
+    /// the passes that follow.
     fn at(
         &self,
         now: &Point,
@@ -455,7 +455,7 @@ impl Look<'_> {
         let mut errors = errors(&shown, self.reference, self.scene.exposure)
             .map_err(|e: MetricError| e.to_string())?;
         if let Some(resolved) = resolved.filter(|r| r.picture == shown) {
-            // Of one sample the estimate is infinite.
+            // The estimate from one sample is infinite.
             let map = error_map(&resolved, self.reference).map_err(|e| e.to_string())?;
             errors.extend(map.into_iter().filter(|(_, value)| value.is_finite()));
         }
@@ -468,7 +468,7 @@ impl Look<'_> {
     }
 }
 
-/// A render of a scene's view for the length of a suite, for which a pilot plans.
+/// The render of a scene's view. Its time or samples are the last of the suite: a pilot plans for them.
 fn render_of(scene: &SceneSpec, mut spec: Spec, suite: &Suite) -> Spec {
     let [w, h] = scene.size;
     spec.size = Some(Size::Pixels(UVec2::new(w, h)));
@@ -480,7 +480,7 @@ fn render_of(scene: &SceneSpec, mut spec: Spec, suite: &Suite) -> Spec {
     spec
 }
 
-/// The settings of a run in words.
+/// The settings of a run as text, for its key.
 fn words(request: &Request<'_>) -> String {
     let mut words = request.settings.fingerprint();
     for (option, text) in request.spec.given().filter(|(option, _)| option.of_film) {

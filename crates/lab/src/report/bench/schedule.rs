@@ -1,9 +1,9 @@
-//! Time points at which a run records its errors, and the length of passes that end there.
+//! Time points at which a run records its errors, and lengths of the passes between them.
 
 use super::results::Point;
 use super::suite::Suite;
 
-/// The time points of a suite that a run has yet to reach.
+/// The time points of a suite that a run has not yet reached.
 pub(super) struct Schedule<'a> {
     suite: &'a Suite,
     threads: usize,
@@ -21,9 +21,9 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// The sample number at which the next pass ends; `None` when every time point is reached.
+    /// The sample number at which the next pass ends; `None` after the last time point.
     ///
-    /// The first pass is one sample: where the curve begins, and how long a sample takes.
+    /// The first pass has one sample: it gives the first point of the curve and the time per sample.
     pub(super) fn next(&self, now: &Point) -> Option<u32> {
         let (time, samples) = self.ahead();
         if time.is_none() && samples.is_none() {
@@ -35,13 +35,13 @@ impl<'a> Schedule<'a> {
             Some(t) => ((t - seconds) * f64::from(now.samples) / seconds.max(1e-9)).ceil(),
             None => f64::INFINITY,
         };
-        // What is known from n samples is good enough for another n.
+        // A prediction from n samples is good enough for n more.
         let length = (by_time.clamp(1.0, f64::from(now.samples.max(1)))) as u32;
         let end = now.samples.saturating_add(length);
         Some(samples.map_or(end, |s| end.min(s)))
     }
 
-    /// True if errors are to be recorded now; takes the time points that are reached off the list.
+    /// True if errors are to be recorded now. Drops the time points that are reached.
     pub(super) fn crossed(&mut self, now: &Point) -> bool {
         let seconds = self.suite.clock.seconds(now, self.threads);
         let before = (self.times, self.samples);
@@ -67,7 +67,7 @@ mod tests {
     use super::*;
     use std::collections::BTreeMap;
 
-    /// Plays a run whose samples take `cost` seconds each; returns the recorded (samples, seconds).
+    /// Simulates a run whose samples take `cost` seconds each; returns the recorded (samples, seconds) and the passes.
     fn play(times: &str, samples: &str, cost: f64) -> (Vec<(u32, f64)>, u32) {
         let suite = Suite::parse(&format!(
             "times = {times}\nsamples = {samples}\n\
@@ -101,7 +101,7 @@ mod tests {
         let samples: Vec<u32> = seen.iter().map(|s| s.0).collect();
         assert_eq!(samples, [1, 4, 16, 512, 1024, 4096]);
         assert!(passes < 30, "{passes}");
-        // A sample that takes longer than the first time points.
+        // A sample takes longer than the first time points.
         let (seen, _) = play("[0.5, 1.0, 4.0]", "[]", 1.5);
         assert_eq!(seen, [(1, 1.5), (3, 4.5)]);
         // Samples only.

@@ -1,4 +1,4 @@
-//! Suites of measurements: scenes × methods × seeds, and the time points of a look. Read from TOML files.
+//! Suites of measurements: scenes × methods × seeds, and the time points of the records. Read from TOML files.
 //!
 //! ```toml
 //! baseline = "plain"
@@ -35,18 +35,18 @@ use opsr::render::value::{ResolveChoice, TableChoice};
 use opsr::render::{Fault, Heading, Opt, Spec};
 use opsr::sampler::SamplerKind;
 
-/// Larger files are not suites.
+/// Most bytes of a suite's file.
 const MAX_BYTES: u64 = 1 << 22;
 
-/// A suite of measurements. Relative paths start at the suite's file; `table` may also name a table that the program
+/// A suite of measurements. Relative paths start at the suite's folder; `table` may also name a table that the program
 /// contains, such as `beta-0.001`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Suite {
-    /// The method that all others are compared with; the first if not named.
+    /// The method that all others are compared with; the first by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baseline: Option<String>,
-    /// Number of seeds; five are the least that get a verdict.
+    /// Number of seeds; a verdict needs at least five.
     #[serde(default = "five")]
     pub seeds: u32,
     /// Seconds after which the errors are recorded, ascending.
@@ -55,7 +55,7 @@ pub struct Suite {
     /// Samples per pixel after which the errors are recorded, ascending.
     #[serde(default)]
     pub samples: Vec<u32>,
-    /// Clock that measures times.
+    /// Clock of `times`.
     #[serde(default)]
     pub clock: Clock,
     /// The scenes.
@@ -66,7 +66,7 @@ pub struct Suite {
     pub methods: Vec<MethodSpec>,
 }
 
-/// Options of a render that make its scene, by the keys that Python has for them.
+/// Options of a render that belong to the scene, by their Python keywords.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Entries", into = "Entries")]
 pub struct SceneOptions(pub Spec);
@@ -102,8 +102,8 @@ impl From<SceneOptions> for Entries {
     }
 }
 
-/// A method: a name and the options of a render, by the keys that Python has for them. Without `levels` it has one, and
-/// independent samples without `sampler`.
+/// A method: a name and the options of a render, by their Python keywords. Without `levels` it has one level, and
+/// without `sampler` independent samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Entries", into = "Entries")]
 pub struct MethodSpec {
@@ -113,7 +113,7 @@ pub struct MethodSpec {
     pub spec: Spec,
 }
 
-/// A method as it is written.
+/// A method as in the file.
 type Entries = serde_json::Map<String, Value>;
 
 impl TryFrom<Entries> for MethodSpec {
@@ -126,7 +126,7 @@ impl TryFrom<Entries> for MethodSpec {
         let wrong = |fault: Fault| format!("method `{name}`: {fault}");
         let mut spec = Spec::default();
         for (key, value) in &entries {
-            // An empty list is one level, and a bias that vanishes by 0 stays.
+            // An empty list is one level, and `consistent = 0` leaves the bias.
             let none = match key.as_str() {
                 "levels" => value.as_array().is_some_and(Vec::is_empty),
                 "consistent" => value.as_f64() == Some(0.0),
@@ -150,14 +150,14 @@ impl From<MethodSpec> for Entries {
 }
 
 impl MethodSpec {
-    /// The render of a scene by this method with this seed: what a suite leaves out has the defaults of a measurement.
+    /// The render of a scene by this method with this seed. Omitted options get the defaults of a measurement.
     pub fn render(&self, max_vertices: u32, seed: u64) -> Spec {
         let mut spec = self.spec.clone();
         spec.integrator.get_or_insert(IntegratorKind::Path);
         if spec.levels.is_none() {
             spec.resolve.get_or_insert(ResolveChoice::Raw);
         }
-        // Guided paths and chains draw no Sobol points, and a choice is that of a user.
+        // Guided paths and chains have no Sobol points, and `auto` chooses as for a user.
         use IntegratorKind::{Auto, Guided, Mlt};
         if !matches!(spec.kind(), Auto | Guided | Mlt) {
             spec.sampler.get_or_insert(SamplerKind::Independent);
@@ -166,7 +166,7 @@ impl MethodSpec {
         spec
     }
 
-    /// The first fault of the method.
+    /// An error for an option that does not belong to a method.
     pub(super) fn check(&self) -> Result<(), Fault> {
         let foreign = |option: &Opt| {
             let method = matches!(option.heading, Heading::Method | Heading::Research)
@@ -198,19 +198,19 @@ pub enum Clock {
     Cpu,
 }
 
-/// A scene and how it is looked at.
+/// A scene, its view, and its reference.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneSpec {
     /// Name in the results.
     pub name: String,
-    /// Scenes of one group are summed up together in reports.
+    /// Group whose scenes reports summarise together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<String>,
-    /// A glTF file; or
+    /// A glTF file, unless `builtin` is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-    /// a scene that comes with the program.
+    /// Name of a scene of the program, unless `file` is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub builtin: Option<String>,
     /// Environment: an equirectangular map (.hdr or .exr).
@@ -230,25 +230,25 @@ pub struct SceneSpec {
     /// Camera by name or number; the first if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,
-    /// Scattering vertices of the longest path.
+    /// Largest number of scattering vertices of a path.
     #[serde(default = "sixteen", alias = "max_depth")]
     pub max_vertices: u32,
-    /// The converged picture (.exr); or
+    /// The converged picture (.exr), unless `reference_spp` is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<PathBuf>,
-    /// samples per pixel of one that is made and kept beside the results.
+    /// Samples per pixel of a reference that is rendered and kept beside the results.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_spp: Option<u32>,
-    /// The algorithm that makes it: one that finds all light of the scene.
+    /// The algorithm that renders the reference: it must find all light of the scene.
     #[serde(default = "path", skip_serializing_if = "IntegratorKind::is_path")]
     pub reference_integrator: IntegratorKind,
-    /// The part of the picture that the report shows: x, y, width, height in the full frame; the middle if not given.
+    /// The part of the picture that the report shows: x, y, width, height in the full frame; the middle by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inset: Option<[u32; 4]>,
     /// Exposure in stops for FLIP and for the report's pictures.
     #[serde(default)]
     pub exposure: f32,
-    /// Names of the methods for this scene; all if not given.
+    /// Names of the methods for this scene; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub methods: Option<Vec<String>>,
 }
@@ -282,7 +282,7 @@ impl From<Lobes> for Distribution {
 }
 
 impl Suite {
-    /// Reads a suite; relative paths in it are taken from its folder.
+    /// Reads a suite; relative paths in it start at its folder.
     pub fn load(path: &Path) -> Result<Self, FileError> {
         let text = files::read_text(path, MAX_BYTES)?;
         let mut suite = Self::parse(&text).map_err(|e| FileError::content(path, e))?;
@@ -298,7 +298,7 @@ impl Suite {
                 Some(TableChoice::File(path)) => Some(path),
                 _ => None,
             });
-        // Unless there is such a file, the name of a table that the program contains is none.
+        // The name of a table of the program is a path only if such a file exists.
         let is_file = |t: &&mut PathBuf| !TableFile::is_built_in(t) || folder.join(&**t).exists();
         for file in scene_files.flatten().chain(tables.filter(is_file)) {
             *file = folder.join(&*file);
@@ -353,7 +353,7 @@ impl SceneSpec {
         self.crop.map_or(Window::full(self.frame()), window)
     }
 
-    /// The part that is shown: 96 pixels a side around the middle where the suite does not say.
+    /// The part that is shown: at most 96 pixels a side in the middle, unless the suite gives it.
     pub fn inset_window(&self) -> Window {
         const EDGE: u32 = 96;
         let outer = self.window();

@@ -10,7 +10,7 @@ use crate::report::compare::{aligned, number};
 use crate::report::html::or_dash;
 use crate::stats::ratios::{self, Interval, Verdict};
 
-/// The error that curves, floors and crossings are about.
+/// The error of curves, floors and crossings.
 pub const MAIN: &str = "relMSE";
 
 /// All errors that are compared. The energy ratio is no error.
@@ -34,7 +34,7 @@ impl fmt::Display for TimePoint {
     }
 }
 
-/// A number of one method beside the baseline's.
+/// A number of one method, compared with the baseline's.
 #[derive(Clone, Copy, Debug)]
 pub struct Compared {
     /// Geometric mean over the seeds.
@@ -64,7 +64,7 @@ pub struct MethodSummary {
     pub memory: Option<f64>,
     /// Light of the picture over light of the reference at the end of the runs.
     pub energy: Option<Interval>,
-    /// Estimated over true error, and their rank correlation, of the error maps at the end of the runs of several levels
+    /// Estimated over true error, and their rank correlation, of the error maps at the end of runs with several levels
     /// (see [`error_map`](super::errors::error_map)).
     pub error_map: Option<[f64; 2]>,
     /// Part of [`MAIN`] that no number of samples removes.
@@ -76,7 +76,7 @@ pub struct MethodSummary {
 }
 
 impl MethodSummary {
-    /// The bias floor, where the interval says that there is one.
+    /// The bias floor, if the interval excludes zero.
     pub fn floor(&self) -> Option<f64> {
         self.squared_bias.filter(|b| b.low > 0.0).map(|b| b.value)
     }
@@ -136,7 +136,7 @@ fn scene(results: &Results, spec: &SceneSpec) -> Option<SceneSummary> {
     })
 }
 
-/// The error of a run at a time point; `None` where the run did not get there.
+/// The error of a run at a time point; `None` if the run did not reach it.
 pub(super) fn error(results: &Results, run: &Run, metric: &str, at: TimePoint) -> Option<f64> {
     let Results { suite, machine, .. } = results;
     match at {
@@ -201,7 +201,7 @@ impl Baseline<'_> {
         summary
     }
 
-    /// Only seeds that both methods have are compared.
+    /// A value over all runs and its ratio to the baseline's, over the seeds that both methods have.
     fn compared(
         &self,
         runs: &[&Run],
@@ -209,7 +209,7 @@ impl Baseline<'_> {
         f: &dyn Fn(&Run) -> Option<f64>,
     ) -> Option<Compared> {
         let all: Vec<f64> = runs.iter().filter_map(|c| f(c)).collect();
-        // A method that is too slow for one seed is too slow.
+        // One seed that does not reach the time point makes the value unknown.
         let value = ratios::geometric_mean(&all).filter(|_| all.len() == runs.len())?;
         if is_baseline {
             return Some(Compared { value, ratio: None });

@@ -1,6 +1,6 @@
 use super::*;
 
-/// Normal deviates from sums of twelve: good to three standard deviations.
+/// Normal deviates as sums of twelve uniform ones: accurate to three standard deviations.
 fn normal(rng: &mut Pcg32) -> f64 {
     (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
 }

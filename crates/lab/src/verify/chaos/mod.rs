@@ -1,8 +1,8 @@
-//! Random combinations of options on random small scenes: what should be the same picture is.
+//! Random combinations of options on random small scenes: pictures that should be equal are equal.
 //!
-//! A trial is a number. It makes a scene, which goes through a `.glb` file, and one of four comparisons: threads, passes and
-//! crops with the whole; stopped and resumed with unbroken; parts with the whole, each bit-identical; and two integrators
-//! with one another, whose means agree within their noise.
+//! The seed of a trial makes a scene, which is written to a `.glb` file and read, and one of four comparisons. Three
+//! are bit-identical: threads, passes and crops with the whole; stopped and resumed with uninterrupted; parts with the
+//! whole. The fourth compares the means of two integrators within their noise.
 
 mod scenes;
 
@@ -38,24 +38,24 @@ const RECORDED: Recorded = Recorded {
     time: false,
 };
 
-/// Renders of each of two integrators whose means are compared.
+/// Renders of each of the two integrators whose means are compared.
 const SEEDS: u64 = 8;
 
-/// Chance of a deviation between equal means at which a comparison is made again with four times the samples; one that is
-/// found three times running counts.
+/// Chance below which a deviation between equal means is tested again with four times the samples; a deviation in all
+/// [`ROUNDS`] counts.
 const SIGNIFICANCE: f64 = 1e-3;
 
-/// Rounds of that.
+/// Number of these tests.
 const ROUNDS: u32 = 3;
 
-/// Relative difference of means that is none: rounding, and the bias of photons.
+/// Relative difference of means that is accepted, without and with photons: rounding, and the bias of photons.
 const TOLERANCE: [f64; 2] = [0.01, 0.1];
 
-/// Result of a trial; an error describes the disagreement.
+/// Result of a trial; the error describes the disagreement.
 type Verdict = Result<(), String>;
 
-/// Trials from this one on, while `goes_on` says so after each: a finding for each that disagrees, as soon as it is known,
-/// and one for all.
+/// Runs trials from `first` on, until `goes_on` breaks after one. Yields a finding for each disagreement at once, and
+/// one for all trials at the end.
 pub fn run(
     first: u64,
     mut goes_on: impl FnMut(u64) -> ControlFlow<()>,
@@ -92,7 +92,7 @@ pub fn trial(seed: u64) -> Verdict {
     })
 }
 
-/// Names of the modes that trials of these numbers render, without rendering them.
+/// Names of the modes in the trials of these seeds, without rendering them.
 pub fn modes(seeds: Range<u64>) -> Result<BTreeSet<&'static str>, Box<dyn Error>> {
     let mut modes = BTreeSet::new();
     for seed in seeds {
@@ -104,7 +104,7 @@ pub fn modes(seeds: Range<u64>) -> Result<BTreeSet<&'static str>, Box<dyn Error>
     Ok(modes)
 }
 
-/// The scene of a trial, the number of its comparison, and random numbers for the rest of it.
+/// The scene of a trial, the number of its comparison, and random numbers for its other choices.
 fn drawn_scene(seed: u64) -> Result<(Scene, usize, Numbers), Box<dyn Error>> {
     let mut own = Numbers::new(seed);
     let numbers = &mut own;
@@ -146,7 +146,7 @@ fn one(seed: u64) -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// A mode, and settings of it that the scene takes.
+/// A random mode, and settings of it that the scene accepts.
 fn settings(numbers: &mut Numbers, scene: &Scene) -> (&'static Mode, Settings) {
     loop {
         let mode = &MODES[numbers.below(MODES.len())];
@@ -161,7 +161,7 @@ fn drawn(numbers: &mut Numbers, mode: &Mode) -> Settings {
     mode.settings(Uniform(&mut || numbers.next()))
 }
 
-/// A window of the frame.
+/// A random window of the frame.
 fn window(numbers: &mut Numbers) -> Window {
     let [w, h] = FRAME
         .to_array()
@@ -170,7 +170,7 @@ fn window(numbers: &mut Numbers) -> Window {
     Window { x, y, w, h }
 }
 
-/// A picture of this window by passes that end at these samples.
+/// A picture of this window, in passes that end at these sample numbers.
 fn picture(scene: &Scene, settings: &Settings, window: Window, ends: &[u32]) -> Picture {
     let blank = Picture::blank(FRAME, window, &settings.amounts, RECORDED);
     let mut picture = blank.expect("a window of the frame");
@@ -184,7 +184,7 @@ fn picture(scene: &Scene, settings: &Settings, window: Window, ends: &[u32]) -> 
     picture
 }
 
-/// Pixels that differ at another number of threads in several passes, and in a crop of that.
+/// Number of pixels that differ with several threads and passes, and in a crop of such a render.
 fn in_pieces(scene: &Scene, settings: &Settings, samples: u32, numbers: &mut Numbers) -> f64 {
     let full = Window::full(FRAME);
     let whole = pool(1).install(|| picture(scene, settings, full, &[samples]));
@@ -193,7 +193,7 @@ fn in_pieces(scene: &Scene, settings: &Settings, samples: u32, numbers: &mut Num
     let threads = pool(2 + numbers.below(7));
     let pieces = threads.install(|| picture(scene, settings, full, &ends));
     let mut differ = apart(&whole, &pieces);
-    // A guide learns from the pixels that are rendered.
+    // A guide depends on all rendered pixels, so its crop differs.
     if !matches!(settings.estimator, Estimator::Guided { .. }) {
         let window = window(numbers);
         let crop = threads.install(|| picture(scene, settings, window, &ends));
@@ -204,7 +204,7 @@ fn in_pieces(scene: &Scene, settings: &Settings, samples: u32, numbers: &mut Num
     differ
 }
 
-/// Pixels that differ after stops at random places, each with a checkpoint.
+/// Number of pixels that differ after stops at random samples, each with a checkpoint.
 fn stopped(
     scene: &Scene,
     settings: &Settings,
@@ -218,7 +218,7 @@ fn stopped(
     Ok(apart(&resumed_at(scene, settings, &ends, blank)?, &whole))
 }
 
-/// Pixels that differ where parts of some samples, or of some pixels, are put together.
+/// Number of pixels that differ after merging parts of some samples or of some pixels.
 fn in_parts(
     scene: &Scene,
     settings: &Settings,
@@ -246,7 +246,7 @@ fn in_parts(
         };
         pieces.push((rest, 0..samples));
     }
-    // In any order.
+    // In a random cyclic order.
     let turn = numbers.below(pieces.len());
     pieces.rotate_left(turn);
     let folder = tempfile::tempdir()?;
@@ -272,7 +272,7 @@ fn in_parts(
     Ok(apart(&merged.picture, &whole))
 }
 
-/// Two plain modes on a scene whose light both find.
+/// Compares two random plain modes on a scene whose light both find.
 fn integrators(scene: &Scene, numbers: &mut Numbers) -> Result<(), Box<dyn Error>> {
     let max_vertices = 2 + numbers.below(5) as u32;
     let roulette_start = 2 + numbers.below(6) as u32;
@@ -336,7 +336,7 @@ pub fn agree(scene: &Scene, pair: &[Settings; 2]) -> Verdict {
     ))
 }
 
-/// Mean luminance of the picture and of its quarters, over seeds; an error stated so knows of light paths that pixels share.
+/// Mean luminance of the picture and of its quarters, over seeds, so that its error includes shared light paths.
 fn means(scene: &Scene, settings: &Settings, round: u32, side: u64) -> [Moments; 5] {
     let samples = 16 << (2 * round);
     let mut means = [Moments::default(); 5];

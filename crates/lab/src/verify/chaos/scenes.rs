@@ -15,29 +15,29 @@ use std::f32::consts::TAU;
 /// Kinds of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Everything.
+    /// All features.
     Any,
-    /// Only light that every estimator but light tracing finds, and soon: lights with an area and no sharp lobes but
-    /// Dirac ones, or lights without an area and rough lobes.
+    /// Only light that every estimator except light tracing finds quickly: lights with an area and no sharp lobes
+    /// except Dirac ones, or lights without an area and rough lobes.
     Found {
         /// True for lights without an area.
         punctual: bool,
     },
 }
 
-/// A scene without what a `.glb` file cannot hold.
+/// A random scene with features that a `.glb` file can express.
 pub(super) fn scene(numbers: &mut Numbers, kind: Kind) -> SceneParts {
     let mut parts = SceneParts::default();
     let walls = diffuse("walls", colour(numbers, 0.2, 0.8));
     let sides = room(Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0));
-    // The front stays open, and sometimes more.
+    // The front is always open, and sometimes other sides.
     let kept = 2 + numbers.below(4);
     let [left, right, floor, ceiling, back, _] = sides;
     let sides = [floor, back, left, right, ceiling].into_iter().take(kept);
     parts.add(walls, sides);
     for i in 0..1 + numbers.below(4) {
         let material = material(numbers, kind);
-        // In cells of their own, or anywhere.
+        // Mostly in cells of their own, else anywhere.
         let at = if numbers.next() < 0.8 {
             let (column, row) = (i % 2, i / 2);
             Vec3::new(-0.5 + column as f32, 0.5, -0.5 + row as f32)
@@ -75,7 +75,7 @@ pub(super) fn scene(numbers: &mut Numbers, kind: Kind) -> SceneParts {
     parts
 }
 
-/// Adds what a `.glb` file of this program does not hold: a sky, a lens, thin films and media.
+/// Adds features that this program does not write to `.glb` files: a sky, a lens, thin films and media.
 pub(super) fn finish(parts: &mut SceneParts, numbers: &mut Numbers, kind: Kind) {
     let sky = match kind {
         Kind::Any => numbers.next() < 0.4,

@@ -1,6 +1,6 @@
-//! The report of a bench: one HTML file that needs nothing else, not even scripts.
+//! The report of a bench: one HTML file that loads nothing else and has no scripts.
 //!
-//! It is a function of the results alone: the same file of results gives the same page, byte for byte.
+//! It depends on the results alone: equal results give equal bytes.
 
 use maud::{Markup, html};
 

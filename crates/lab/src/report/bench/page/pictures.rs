@@ -9,7 +9,7 @@ use opsr::image::Buffer;
 use opsr_metric::false_colour;
 use opsr_metric::flip;
 
-/// The pictures of a scene; nothing where the results hold none.
+/// The pictures of a scene; nothing if the results have none.
 pub(super) fn pictures(results: &Results, scene: &SceneSummary, index: usize) -> Markup {
     let spec = results.suite.scenes.iter().find(|s| s.name == scene.name);
     let exposure = spec.map_or(0.0, |s| s.exposure);
@@ -17,7 +17,7 @@ pub(super) fn pictures(results: &Results, scene: &SceneSummary, index: usize) ->
         return html! {};
     };
     let uri = data_uri(&reference, exposure);
-    // Once in the style, so that it is not repeated under each picture.
+    // The URI is in a style, so that it is not repeated for each picture.
     let style = format!(".reference-{index} {{ background-image: url({uri}); }}");
     html! {
         style { (PreEscaped(style)) }

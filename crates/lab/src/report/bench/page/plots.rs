@@ -8,17 +8,17 @@ use super::super::summary::{self, MAIN, MethodSummary, SceneSummary, TimePoint};
 use crate::report::plot::{self, Axis, Guide, INK, Line, Place, Row};
 use crate::stats::ratios;
 
-/// Colours of the methods in turn: ink, those of [OkabeIto08] with a contrast of 3 to both white and dark paper, and more
-/// that keep the greatest distance from one another, also without red or green cones.
+/// Colours of the methods: ink, those of [OkabeIto08] with a contrast of 3 to both white and dark paper, and more. The
+/// latter keep the greatest distance from one another, also without red or green cones.
 const COLOURS: [&str; 12] = [
     INK, "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#896900", "#2c97ff", "#7b6b91", "#a95bc5",
     "#b68d64", "#6668e5", "#21765b",
 ];
 
-/// Dashes, one kind for each round of colours.
+/// Dashes, one pattern for each round of colours.
 const DASHES: [&str; 3] = ["", "6 4", "2 3"];
 
-/// A floor this far below all errors is not drawn: the curves would be squeezed to make room.
+/// A floor further than this factor below all errors is not drawn, because it would compress the curves.
 const FLOOR_ROOM: f64 = 30.0;
 
 /// The colour of a method, the same throughout a report.
@@ -38,7 +38,7 @@ fn place(suite: &Suite, method: &str) -> usize {
         .unwrap_or(0)
 }
 
-/// Errors of a method at one moment: of the fastest, on average, of the slowest seed.
+/// Errors of a method at one time point: lowest, mean and highest over seeds.
 struct Spread {
     at: f64,
     low: f64,
@@ -46,7 +46,7 @@ struct Spread {
     high: f64,
 }
 
-/// The error curves of a scene with their captions: over time and over samples, where there are two moments of each.
+/// The error curves of a scene with captions, over time and over samples, each with at least two time points.
 pub fn curves(results: &Results, scene: &SceneSummary) -> Vec<(String, String)> {
     let Suite { times, samples, .. } = &results.suite;
     let times: Vec<TimePoint> = times.iter().map(|&t| TimePoint::Seconds(t)).collect();
@@ -138,7 +138,7 @@ fn position(moment: TimePoint) -> f64 {
     }
 }
 
-/// The moments that all seeds reached; errors of zero have no place on a logarithmic axis.
+/// Errors at the time points that all seeds reached. Zero has no place on a logarithmic axis and is left out.
 fn spreads(results: &Results, scene: &str, method: &str, moments: &[TimePoint]) -> Vec<Spread> {
     let runs = results.runs(scene, method);
     let spread = |&moment: &TimePoint| {
@@ -157,7 +157,7 @@ fn spreads(results: &Results, scene: &str, method: &str, moments: &[TimePoint]) 
     moments.iter().filter_map(spread).collect()
 }
 
-/// Ratios over all scenes with their intervals, one row per method; `None` where there are none.
+/// A plot of ratios over all scenes with their intervals, one row per method; `None` without any ratio.
 pub fn standings(overall: &Overall) -> Option<String> {
     let rows: Vec<_> = overall
         .standings

@@ -14,7 +14,7 @@ use opsr::image::Buffer;
 use opsr::math::Rgb;
 use opsr_metric::{self as metric, flip};
 
-/// Three digits.
+/// A number with three significant digits.
 pub(super) fn short(x: f64) -> String {
     if !x.is_finite() {
         return x.to_string();
@@ -51,7 +51,7 @@ fn name(results: &Results, method: &str) -> Markup {
     html! { th { span.swatch style=(colour) {} (method) } }
 }
 
-/// Methods over many scenes.
+/// The comparisons of methods over many scenes.
 pub(super) fn overall(results: &Results, overall: &Overall) -> Markup {
     let scenes = match overall.scenes {
         1 => "1 scene".to_owned(),
@@ -73,7 +73,7 @@ pub(super) fn overall(results: &Results, overall: &Overall) -> Markup {
     table(&caption, heads.chain(["scenes better / tie / worse"]), rows)
 }
 
-/// Every ratio of an error to the baseline's that is worse than 1.
+/// The errors that are worse than the baseline's.
 pub(super) fn losses(scenes: &[SceneSummary]) -> Markup {
     let mut losses = Vec::new();
     for scene in scenes {
@@ -183,7 +183,7 @@ pub(super) fn costs(results: &Results, scene: &SceneSummary) -> Markup {
     table("Cost", heads, rows)
 }
 
-/// Seeds, energy, bias and refused samples of each method.
+/// Seeds, energy, bias and rejected samples of each method.
 pub(super) fn stability(results: &Results, scene: &SceneSummary) -> Markup {
     let heads = [
         "method",
