@@ -18,16 +18,16 @@ pub(super) enum Style {
     None,
 }
 
-/// Steps of the bar: finer than any terminal.
+/// Steps of the bar, finer than any terminal can show.
 const STEPS: u64 = 1000;
 
-/// Shows the progress of a render.
+/// The progress display of a render.
 pub(super) enum Bar {
-    /// On a terminal.
+    /// A bar on standard error.
     Terminal(ProgressBar),
-    /// For programs.
+    /// JSON lines on standard output.
     Json,
-    /// For nobody.
+    /// No progress.
     Quiet,
 }
 
@@ -52,12 +52,12 @@ impl Bar {
         }
     }
 
-    /// Shows where a render stands, and its true error if that is known.
+    /// Shows the progress of a render, and its true error if it is known.
     pub(super) fn show(&self, progress: &RenderProgress, true_error: Option<f64>) {
         self.show_frame(None, progress, true_error);
     }
 
-    /// The same with the number of a frame, of a film.
+    /// Shows the progress of frame `frame` of a film, or of a single picture.
     pub(super) fn show_frame(
         &self,
         frame: Option<u32>,
@@ -98,13 +98,13 @@ impl Bar {
                 if let Some(error) = true_error {
                     line["true_error"] = error.into();
                 }
-                // A reader that has gone away is no reason to end a render.
+                // A closed output does not end a render.
                 let _ = writeln!(std::io::stdout(), "{line}");
             }
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub(super) fn finish(&self) {
         if let Self::Terminal(bar) = self {
             bar.finish_and_clear();

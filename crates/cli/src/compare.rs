@@ -63,7 +63,7 @@ pub(super) struct CompareArgs {
     fail_above: Vec<(String, f64)>,
 }
 
-/// A number that FLIP can take.
+/// A number of pixels per degree that FLIP accepts.
 fn pixels_per_degree(text: &str) -> Result<f64, String> {
     let ppd = text.parse().ok().filter(|x| (1.0..=1000.0).contains(x));
     ppd.ok_or_else(|| "expected a number from 1 to 1000".into())
@@ -101,7 +101,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Exit> {
         exposure: args.exposure,
         seeds: args.seeds,
     };
-    // Shown on a terminal only.
+    // Indicatif draws the bar only on a terminal.
     let bar = ProgressBar::new(pictures.len() as u64);
     let style = ProgressStyle::with_template("comparing {msg}, {pos} of {len}")?;
     bar.set_style(style);
@@ -152,7 +152,7 @@ fn above(comparison: &Comparison, bounds: &[(String, f64)]) -> anyhow::Result<Ve
         }
         for entry in &comparison.entries {
             for metric in entry.metrics.iter().filter(is) {
-                // A metric that is not a number is no good either.
+                // NaN counts as above the bound.
                 if metric.value.is_nan() || metric.value > *most {
                     let Metric { name, value, .. } = metric;
                     lines.push(format!("{}: {name} {value:.6} is above {most}", entry.name));
@@ -198,7 +198,7 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<bool> {
     Ok(same)
 }
 
-/// Files are numbered, since pictures of different folders may share their name.
+/// Writes the error maps. File names begin with numbers, because pictures of different folders may share their name.
 fn write_maps(folder: &Path, comparison: &Comparison) -> anyhow::Result<()> {
     files::create_folder(folder).output()?;
     for (i, entry) in comparison.entries.iter().enumerate() {

@@ -20,7 +20,7 @@ pub(super) struct Ended<'a> {
     pub(super) request: &'a Request<'a>,
     pub(super) opened: &'a Opened,
     pub(super) progress: RenderProgress,
-    /// Samples of earlier runs, which took no time of this one.
+    /// Samples of earlier runs, which the time of this run does not include.
     pub(super) start: u32,
     /// Seconds of earlier runs.
     pub(super) spent: f64,
@@ -32,7 +32,7 @@ impl Ended<'_> {
         &self.saved.finished.outcome.picture.film
     }
 
-    /// Paths of this run.
+    /// Number of paths of this run.
     fn paths(&self) -> u64 {
         u64::from(self.progress.samples - self.start) * self.film().pixels.len() as u64
     }
@@ -41,7 +41,7 @@ impl Ended<'_> {
         self.progress.elapsed.as_secs_f64()
     }
 
-    /// Files that were written, with the statistics of the render.
+    /// The closing line: the written files and the statistics of the render.
     fn summary(&self, outputs: &Outputs) -> String {
         let (finished, names) = (&self.saved.finished, outputs.names());
         let seconds = self.seconds();
@@ -86,7 +86,7 @@ impl Ended<'_> {
         )
     }
 
-    /// Reports what was written with the statistics of the render, and the refused samples.
+    /// Reports the written files and the statistics of the render, unused features, and rejected samples.
     pub(super) fn report(&self, outputs: &Outputs) {
         let summary = self.summary(outputs);
         match self.args.program.progress {
@@ -175,7 +175,7 @@ impl Ended<'_> {
     }
 }
 
-/// The average error in the words of a closing line; nothing where there are too few samples to tell.
+/// The average error for a closing line; empty with too few samples for an estimate.
 pub(super) fn average_error(statement: &Statement) -> String {
     match statement.mean {
         mean if mean.is_finite() => format!(", average error {}", percent(mean)),
@@ -183,7 +183,7 @@ pub(super) fn average_error(statement: &Statement) -> String {
     }
 }
 
-/// True if a surface is seen at some of the pixels, 32 along the longer side.
+/// True if a surface is visible at one of a grid of pixels, 32 along the longer side.
 fn sees_a_surface(view: &View<'_>) -> bool {
     let Window { x, y, w, h } = view.window;
     let step = (w.max(h) / 32).max(1) as usize;

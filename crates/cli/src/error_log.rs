@@ -4,7 +4,7 @@ use super::exit::Blame;
 use opsr::files::{self, FileError};
 use std::path::{Path, PathBuf};
 
-/// Longest log that is read; a day of lines needs less.
+/// Most bytes of a log; a day of lines has fewer.
 const MAX_BYTES: u64 = 1 << 26;
 
 /// Names of the columns.
@@ -15,7 +15,7 @@ const HEADER: &str = "samples,seconds,estimated_error,true_error\n";
 pub(super) struct Line {
     /// Samples per pixel.
     pub(super) samples: u32,
-    /// Seconds, those before the render was resumed included.
+    /// Seconds, including those before the render was resumed.
     pub(super) seconds: f64,
     /// Estimated relative error.
     pub(super) estimated: f64,
@@ -30,16 +30,16 @@ impl Line {
     }
 }
 
-/// The log; its file is replaced as a whole, so that it is never half-written.
+/// The log. Its file is replaced as a whole, so that it is never incomplete.
 pub(super) struct ErrorLog {
     path: PathBuf,
-    /// The file as the render was resumed, up to the samples of its checkpoint.
+    /// The lines of the file up to the samples of the checkpoint from which the render was resumed.
     earlier: Vec<u8>,
     lines: Vec<Line>,
 }
 
 impl ErrorLog {
-    /// A log at this place. A render that is resumed after `start` samples keeps the lines up to there.
+    /// A log at this path. A render that is resumed after `start` samples keeps the lines up to these samples.
     pub(super) fn open(path: &Path, start: u32) -> anyhow::Result<Self> {
         let old = if start > 0 && path.is_file() {
             files::read(path, MAX_BYTES).input()?

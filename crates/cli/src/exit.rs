@@ -10,7 +10,7 @@ use opsr::render::{Cause, Fault, Names};
 pub(super) enum Exit {
     /// Done.
     Done = 0,
-    /// Any failure that is not one of those below.
+    /// Any other failure.
     Failed = 1,
     /// Wrong usage; clap exits with the same code.
     Usage = 2,
@@ -38,24 +38,24 @@ impl std::fmt::Display for Failure {
 
 impl std::error::Error for Failure {}
 
-/// Gives an error its exit code.
+/// Attaches an exit code to an error.
 pub(super) trait Blame<T>: Sized {
-    /// The command line is at fault.
+    /// The cause is the command line.
     fn usage(self) -> anyhow::Result<T> {
         self.blame(Exit::Usage)
     }
 
-    /// The user's input is at fault.
+    /// The cause is the user's input.
     fn input(self) -> anyhow::Result<T> {
         self.blame(Exit::Input)
     }
 
-    /// The place to write to is at fault.
+    /// The cause is the place of the output.
     fn output(self) -> anyhow::Result<T> {
         self.blame(Exit::Output)
     }
 
-    /// This exit code.
+    /// Attaches this exit code.
     fn blame(self, exit: Exit) -> anyhow::Result<T>;
 }
 
@@ -73,7 +73,7 @@ impl<T, E: Into<anyhow::Error>> Blame<T> for Result<T, E> {
     }
 }
 
-/// True if memory is at fault, which has an exit code of its own.
+/// True if the cause is a shortage of memory, which has its own exit code.
 fn is_shortage(error: &anyhow::Error) -> bool {
     let of_file = error.downcast_ref().is_some_and(FileError::is_shortage);
     of_file || error.downcast_ref::<Shortage>().is_some()
@@ -91,7 +91,7 @@ impl<T> IntoExit<T> for Result<T, Fault> {
     }
 }
 
-/// The failure of a fault.
+/// The failure of a fault, with its exit code.
 pub(super) fn failure(fault: &Fault) -> Failure {
     let exit = match fault.cause() {
         Cause::Usage => Exit::Usage,

@@ -15,14 +15,14 @@ use std::time::Instant;
 /// Samples per pixel of the render that is estimated.
 const SAMPLES: u32 = 64;
 
-/// Most pixels of a pass of the short render, and its least length in seconds.
+/// Most pixels in a pass of the short render, and its least duration in seconds.
 const PIXELS: f64 = 1e4;
 const LEAST: f64 = 0.15;
 
-/// Most triangles of a scene that is built for the short render: a second or two.
+/// Most triangles for the short render: their trees take a second or two.
 const TRIANGLES: usize = 1_000_000;
 
-/// The scene with trees, if that takes no longer than describing it should.
+/// The scene, with its trees only if these can be built quickly.
 pub(super) fn built(parts: SceneParts) -> Scene {
     let triangles: usize = parts.all_meshes().map(|mesh| mesh.indices.len()).sum();
     match triangles > TRIANGLES {
@@ -31,8 +31,8 @@ pub(super) fn built(parts: SceneParts) -> Scene {
     }
 }
 
-/// The time of a render by the integrator that the scene calls for, as JSON: a small picture of the same camera is rendered for a
-/// moment. `null` of a scene that is too large for that.
+/// The estimated time of a render by the integrator chosen for the scene, as JSON: a small picture of the same camera
+/// is rendered for a moment. `null` for a scene that is too large.
 pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
     let scene = &opened.scene;
     if scene.geometry().stored() > TRIANGLES {
@@ -53,7 +53,7 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
     };
     let mut integrator = settings.integrator();
     integrator.prepare(&view);
-    // The first pass fetches memory and starts threads.
+    // The first pass also allocates memory and starts threads.
     integrator.pass(&view, 0..1, &mut picture);
     let clock = Instant::now();
     let mut samples = 0;
@@ -72,12 +72,12 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
     }))
 }
 
-/// Two digits: a pilot is not better than that.
+/// A number with two digits, the precision of such an estimate.
 fn rounded(x: f64) -> f64 {
     format!("{x:.1e}").parse().unwrap_or(x)
 }
 
-/// The same in words.
+/// The estimate as a line of text.
 pub(super) fn described(time: &Value) -> String {
     if time.is_null() {
         return format!("time        not tried: more than {TRIANGLES} triangles");

@@ -61,7 +61,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
     })
 }
 
-/// The surface in the centre of a pixel as JSON; without one only the pixel.
+/// The surface at the centre of a pixel as JSON; only the pixel if there is none.
 fn seen(args: &InfoArgs, opened: &Opened, Pixel(pixel): Pixel) -> anyhow::Result<Value> {
     let scene = &opened.scene;
     let size = args.options.0.frame(scene).into_exit()?;
@@ -76,7 +76,7 @@ fn seen(args: &InfoArgs, opened: &Opened, Pixel(pixel): Pixel) -> anyhow::Result
         return Ok(facts);
     };
     let of = scene.material(&surface);
-    // The base: a clear coat is drawn by smaller numbers.
+    // Small numbers would draw a clear coat instead of its base.
     let u = if of.clearcoat().is_some() { 0.25 } else { 0.0 };
     let alpha = scene.bsdf(&mut surface, u).alpha();
     facts["mesh"] = (scene.geometry().triangle_mesh(surface.triangle) + 1).into();
@@ -92,7 +92,7 @@ fn seen(args: &InfoArgs, opened: &Opened, Pixel(pixel): Pixel) -> anyhow::Result
     Ok(facts)
 }
 
-/// Facts of one level, one a line.
+/// The facts of a flat JSON object, one per line.
 fn lines(facts: &Value) -> String {
     let line = |(key, value): (&String, &Value)| {
         let value = value.as_str().map_or_else(|| value.to_string(), Into::into);
@@ -104,7 +104,7 @@ fn lines(facts: &Value) -> String {
 /// The content of a scene as JSON.
 fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let parts = scene.parts();
-    // Of the file alone.
+    // Counts do not include the floor of the studio.
     let floor = parts.floor();
     let own = |all: usize| all.saturating_sub(floor.map_or(0, |mesh| mesh.indices.len()));
     let materials: Vec<_> = (parts.materials.iter().enumerate())
@@ -142,7 +142,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     })
 }
 
-/// A number with the digits that single precision has, and no others.
+/// A number with the digits of single precision only.
 fn short(x: f32) -> Value {
     x.to_string()
         .parse::<f64>()
@@ -153,7 +153,7 @@ fn shorts<const N: usize>(numbers: [f32; N]) -> Value {
     numbers.into_iter().map(short).collect()
 }
 
-/// A texture of each image: uses of one share its texels.
+/// One texture per image: several textures may share their texels.
 fn images(parts: &SceneParts) -> Vec<&Texture> {
     let mut images: Vec<&Texture> = parts.textures.iter().collect();
     images.sort_by_key(|t| t.texels.address());
@@ -161,7 +161,7 @@ fn images(parts: &SceneParts) -> Vec<&Texture> {
     images
 }
 
-/// Sizes of the images, largest first, each with the number of images that have it.
+/// Sizes of the images, largest first, with the number of images of each size.
 fn texture_sizes(parts: &SceneParts) -> Value {
     let mut counts = BTreeMap::<[u32; 2], u32>::new();
     for image in images(parts) {
@@ -171,13 +171,13 @@ fn texture_sizes(parts: &SceneParts) -> Value {
     counts.iter().rev().map(entry).collect()
 }
 
-/// Bytes that the scene takes at most while it is rendered, pictures left out: triangles with their trees, vertices, texels, map.
+/// Most bytes of a scene during a render, without pictures: triangles with their trees, vertices, texels, map.
 fn memory(scene: &Scene) -> u64 {
-    /// Bytes of a triangle with its part of the tree, while that is built; of one that emits, more; and of a vertex, measured.
+    /// Measured bytes of a triangle with its tree during construction, of an emissive one in addition, and of a vertex.
     const BYTES: [u64; 3] = [270, 290, 60];
     let parts = scene.parts();
     let vertices: usize = parts.all_meshes().map(|mesh| mesh.positions.len()).sum();
-    // Coarser images are a third.
+    // The smaller mip levels add a third.
     let texels: u64 = images(parts).iter().map(|t| t.texels.bytes() * 4 / 3).sum();
     let [triangle, emitter, vertex] = BYTES;
     let lamps = scene.lights().emissive_triangles() as u64;
@@ -231,7 +231,7 @@ fn reachable(scene: &Scene) -> usize {
             coat.iter().for_each(|coat| bins[bin(coat.alpha)] = true);
             bins[bin(m.alpha)] |= !m.is_lambert();
             bins[bin(m.lobe_alpha())] |= m.anisotropy().is_some();
-            // A diffuse base scatters too.
+            // A diffuse base scatters, too.
             bins[3] |= m.has_base();
         }
     }
@@ -241,7 +241,7 @@ fn reachable(scene: &Scene) -> usize {
         .count()
 }
 
-/// Head of a feature that is left out.
+/// Prefix of a feature that a render leaves out.
 const NOT_USED: &str = "not used: ";
 
 /// Features that a render of this scene leaves out, because nothing in the scene needs them.
@@ -286,7 +286,7 @@ fn texts(list: &Value) -> Vec<String> {
     list.filter_map(Value::as_str).map(str::to_owned).collect()
 }
 
-/// Edges of the box around the scene, and its lowest corner.
+/// Edges of the scene's bounding box, and its lowest corner.
 fn bounds(corners: &Value) -> String {
     let at = |corner: usize, axis: usize| corners[corner][axis].as_f64().unwrap_or(0.0) as f32;
     let edge = |axis| at(1, axis) - at(0, axis);

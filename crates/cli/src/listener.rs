@@ -1,4 +1,4 @@
-//! Listener of a render: shows progress and the true error, saves files so far and checkpoints, feeds the log.
+//! Callback of a render: shows progress and the true error, saves files and checkpoints, writes the log.
 
 use super::bar::Bar;
 use super::error_log::{ErrorLog, Line};
@@ -24,13 +24,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-/// Least time between checkpoints unless another is asked for.
+/// Default of the least time between checkpoints.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
-/// Least time between errors beside a render.
+/// Least time between error estimates during a render.
 const ERRORS_EVERY: Duration = Duration::from_secs(1);
 
-/// A run of a render, of which there may have been earlier ones.
+/// A run of a render; earlier runs may have begun the same render.
 pub(super) struct Run<'a> {
     pub(super) args: &'a RenderArgs,
     pub(super) request: &'a Request<'a>,
@@ -46,27 +46,27 @@ pub(super) struct Run<'a> {
 /// Results of a run.
 pub(super) struct Saved {
     pub(super) finished: Finished<'static>,
-    /// Share of the light that roughened lobes alone find.
+    /// Share of the light that only roughened lobes find.
     pub(super) unseen: f64,
-    /// Mean relative error beside the reference, where there is one.
+    /// Mean relative error against the reference, if there is one.
     pub(super) true_error: Option<f64>,
-    /// Why something is not saved.
+    /// Error of a result that could not be saved.
     pub(super) failed: Option<anyhow::Error>,
 }
 
-/// Called after every pass of a run.
+/// Callback after every pass of a run.
 pub(super) struct Listener<'a> {
     run: Run<'a>,
     bar: Bar,
     truth: Option<Truth>,
     log: Option<ErrorLog>,
-    /// Pace of the errors beside the render; `None` where nothing shows them.
+    /// Pace of the error estimates during the render; `None` if nothing shows them.
     errors: Option<Pace>,
     /// The latest error against the reference.
     true_error: Option<f64>,
-    /// Pace of files and checkpoint; `None` where only the end is written.
+    /// Pace of files and checkpoint; `None` if only the final ones are written.
     saves: Option<Pace>,
-    /// Why the log is not whole.
+    /// Error that made the log incomplete.
     unlogged: Option<anyhow::Error>,
 }
 
@@ -97,7 +97,7 @@ impl<'a> Listener<'a> {
         })
     }
 
-    /// Called after every pass; breaks where the user asked for it. What cannot be saved now may be later: the render goes on.
+    /// Runs after every pass; breaks if the user requested an end. The render continues if a file cannot be saved now.
     pub(super) fn on_pass(
         &mut self,
         progress: &RenderProgress,
@@ -114,7 +114,7 @@ impl<'a> Listener<'a> {
         self.run.stop.flow()
     }
 
-    /// Measures the errors of the picture so far, and logs them.
+    /// Estimates the errors of the picture so far, and logs them.
     fn look(&mut self, progress: &RenderProgress, picture: &Picture) {
         let spec = &self.run.request.spec;
         let shown = self
@@ -132,7 +132,7 @@ impl<'a> Listener<'a> {
         }
     }
 
-    /// Finishes the picture and saves it, the checkpoint and the log. A failure of one does not keep the others from being saved.
+    /// Finishes the picture and saves it, the checkpoint and the log. All are tried, even if one fails.
     pub(super) fn close(mut self, output: Output) -> anyhow::Result<Saved> {
         let Output {
             picture, progress, ..
@@ -145,7 +145,7 @@ impl<'a> Listener<'a> {
         let unwritten = written.err().map(|fault| failure(&fault).into());
         let shown = &finished.shown.picture;
         let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(shown));
-        // The log ends with the number of the closing line.
+        // The last line of the log has the error of the closing line.
         let stated = finished.statement().mean;
         let logged = self.log(&progress, stated, true_error);
         let failed = unwritten.or(kept.err()).or(self.unlogged).or(logged.err());
@@ -180,7 +180,7 @@ impl<'a> Listener<'a> {
         })
     }
 
-    /// Writes files and checkpoint, if it is time to.
+    /// Writes files and checkpoint if they are due.
     fn save_now_and_then(
         &mut self,
         progress: &RenderProgress,
@@ -207,7 +207,7 @@ impl<'a> Listener<'a> {
         unwritten.map_or(Ok(()), |fault| Err(failure(&fault).into()))
     }
 
-    /// The picture so far as its files hold it.
+    /// The picture so far, as in its files.
     fn finished<'p>(
         &self,
         picture: Cow<'p, Picture>,
@@ -226,7 +226,7 @@ impl<'a> Listener<'a> {
         outcome.finish_files(self.run.denoiser).into_exit()
     }
 
-    /// Writes the picture's files; a warning names those that another program changed.
+    /// Writes the picture's files, with a warning for each file that another program has changed.
     fn write(&self, finished: &Finished<'_>) -> Result<(), Fault> {
         for file in self.run.outputs.changed() {
             let what = "was changed by another program during this render, and is replaced";
@@ -236,7 +236,7 @@ impl<'a> Listener<'a> {
     }
 
     fn checkpoint(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {
-        // Tiles of a sample that was cut are no whole sample.
+        // A checkpoint has whole samples only.
         let whole = |_: &&_| progress.samples > 0;
         let Some(path) = self.run.args.checkpoint.as_ref().filter(whole) else {
             return Ok(());
@@ -249,7 +249,7 @@ impl<'a> Listener<'a> {
     }
 }
 
-/// The picture that a render should come to.
+/// The reference of a render.
 struct Truth {
     reference: Buffer,
 }
@@ -266,7 +266,7 @@ impl Truth {
         Ok(Self { reference })
     }
 
-    /// Mean relative error.
+    /// Mean relative error against the reference.
     fn error(&self, picture: &Buffer) -> Option<f64> {
         Some(mean_relative_error(picture, &self.reference).ok()?.value)
     }

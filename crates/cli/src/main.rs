@@ -1,9 +1,8 @@
-//! The `opsr` program. The command line: options become calls of the libraries, errors become messages and exit codes in one
-//! place.
+//! The `opsr` program: options become calls of the libraries, and errors become messages and exit codes in one place.
 //!
 //! Only this crate uses anyhow and the terminal. Types that are options derive clap's traits where they are defined.
 
-// These macros panic where nothing can be written: output::print and output::note do not.
+// These macros panic if the output is closed; output::print and output::note do not.
 #![deny(clippy::print_stderr, clippy::print_stdout)]
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -107,8 +106,8 @@ enum Command {
     Man(shell::ManArgs),
 }
 
-/// Lets a negative number be the value of every option: the option then says what it expects, where clap would call the
-/// number an unknown option.
+/// Lets every option accept a negative number as its value, so that the option's own message explains the error instead
+/// of clap's "unknown option".
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let values = |arg: clap::Arg| {
         let is_option = arg.get_action().takes_values() && !arg.is_positional();
@@ -120,7 +119,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
-/// Options of the program that have another name, or became commands.
+/// Options that were renamed or became commands.
 const MOVED: [(&str, &str); 5] = [
     ("log", "`--stats FILE.csv`"),
     ("film", "`opsr part`, with -o for its file"),
@@ -129,7 +128,7 @@ const MOVED: [(&str, &str); 5] = [
     ("sample", "an option of `opsr trace`"),
 ];
 
-/// An error that names the new option where an old one is not known.
+/// Adds the new name to an error about a renamed option.
 fn with_new_name(error: clap::Error) -> clap::Error {
     use clap::error::{ContextKind, ContextValue, ErrorKind};
     let unknown = match error.get(ContextKind::InvalidArg) {
@@ -148,8 +147,8 @@ fn with_new_name(error: clap::Error) -> clap::Error {
     }
 }
 
-/// Keeps up to 62 MB of freed memory a thread, so that the next tile of a picture does not fetch it from the system again: glibc takes
-/// its limits from the largest block that was freed, and starts at 128 kB. Other allocators are as before.
+/// Makes glibc keep up to 62 MB of freed memory per thread for the next tile of a picture. glibc derives its limits
+/// from the largest freed block, and starts at 128 kB. Other allocators are not affected.
 fn keep_freed_memory() {
     drop(std::hint::black_box(Vec::<u8>::with_capacity(31 << 20)));
 }
@@ -167,7 +166,7 @@ fn main() -> ExitCode {
     let lines = fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
-        // A line that cannot be written is lost; by default its error is printed, which would panic.
+        // By default a line that cannot be written is reported to the same stream, which would panic.
         .log_internal_errors(false)
         .with_target(false)
         .without_time();

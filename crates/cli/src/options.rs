@@ -1,4 +1,4 @@
-//! Options of the command line made of the declarations of `opsr::render`.
+//! Command-line options from the declarations in `opsr::render`.
 
 use clap::builder::PossibleValuesParser;
 use clap::parser::ValueSource;
@@ -8,7 +8,7 @@ use opsr::render::{Fault, Heading, Names, OPTIONS, Opt, Spec};
 use serde_json::Value;
 use std::ops::Range;
 
-/// A declared option for clap.
+/// The clap option of a declaration.
 fn arg(option: &'static Opt) -> Arg {
     let arg = Arg::new(option.name)
         .long(option.flag())
@@ -23,7 +23,7 @@ fn arg(option: &'static Opt) -> Arg {
     if option.name == "max_vertices" {
         arg = arg.alias("max-depth");
     }
-    // Numbers in lists or with units, which can be negative.
+    // Lists of numbers and numbers with units, which can be negative.
     if ["camera", "sun", "at"].contains(&option.name) {
         arg = arg.allow_hyphen_values(true);
     }
@@ -47,10 +47,10 @@ fn arg(option: &'static Opt) -> Arg {
 /// Help below the options that `-h` lists.
 pub(super) const MORE: &str = "These are the options that most renders use; --help lists all.";
 
-/// Bounds of a render that are not a number of samples.
+/// Limits of a render other than the number of samples.
 const BOUNDS: [&str; 2] = ["time", "target_error"];
 
-/// The layers of a film: the others are recorded by a render.
+/// The option for the layers of a finished film: other layers exist only during a render.
 fn level_layers(arg: Arg) -> Arg {
     let help = "Add every level to EXR files, as layers level0, level1 and so on";
     arg.help(help)
@@ -59,14 +59,14 @@ fn level_layers(arg: Arg) -> Arg {
         .value_parser(["each-level"])
 }
 
-/// The text, if the option takes it.
+/// The text, if it is a valid value of the option.
 fn checked(option: &'static Opt, text: &str) -> Result<String, String> {
     let read = Spec::default().set(option.name, &Value::from(text));
     read.map(|()| text.to_owned())
         .map_err(|fault| fault.reason(Names::Flags))
 }
 
-/// The option `--set` with the keys that it takes.
+/// The option `--set`, whose help lists its keys.
 fn details() -> Arg {
     let keys = OPTIONS.iter().filter(|option| option.is_research());
     let keys = keys.map(|option| {
@@ -112,7 +112,7 @@ fn detail(text: &str) -> Result<(&'static Opt, &str), String> {
     checked(option, value).map(|_| (option, value))
 }
 
-/// The options that are given by `--set`.
+/// Sets the options that `--set` gives.
 fn read_details(spec: &mut Spec, matches: &ArgMatches) -> Result<(), Fault> {
     let given = matches.get_many::<String>("set").into_iter().flatten();
     for (option, value) in given.filter_map(|text| detail(text).ok()) {
@@ -124,7 +124,7 @@ fn read_details(spec: &mut Spec, matches: &ArgMatches) -> Result<(), Fault> {
     Ok(())
 }
 
-/// The given options among those that are wanted.
+/// The given options that satisfy `wanted`.
 fn read(matches: &ArgMatches, wanted: fn(&Opt) -> bool) -> Result<Spec, clap::Error> {
     let mut spec = Spec::default();
     let fault = |fault: Fault| {

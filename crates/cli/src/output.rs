@@ -5,7 +5,7 @@ use anyhow::Context;
 use std::fmt::Display;
 use std::io::Write;
 
-/// Writes to standard output. A pipe that is closed early is no error: its reader has seen enough.
+/// Writes to standard output. A closed pipe is no error: its reader needs no more.
 pub(super) fn print(text: impl AsRef<[u8]>) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_ref()).and_then(|()| out.flush()) {
@@ -16,12 +16,12 @@ pub(super) fn print(text: impl AsRef<[u8]>) -> anyhow::Result<()> {
     }
 }
 
-/// Writes a line of a message to standard error. An error of it ends no work: messages may have no reader.
+/// Writes a message to standard error. Its failure is ignored, because messages may have no reader.
 pub(super) fn note(line: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// The command line, for files that say how they were made.
+/// The command line, for the metadata of files.
 pub(super) fn command() -> String {
     std::env::args().collect::<Vec<_>>().join(" ")
 }

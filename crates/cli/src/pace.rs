@@ -1,26 +1,26 @@
-//! Pace of work beside a render: files so far, the log, the error against a reference.
+//! Pace of repeated work during a render: files, log, error against a reference.
 
 use std::time::{Duration, Instant};
 
-/// Rest after work over the time that it took, so that it takes at most a fifth of a render.
+/// Pause after work in units of its duration, so that the work takes at most a fifth of a render.
 const REST: u32 = 4;
 
-/// When work that repeats is due again.
+/// Determines the next time of repeated work.
 pub(super) struct Pace {
     every: Duration,
-    /// End of the work before; `None` before the first.
+    /// End of the last work; `None` before the first.
     ended: Option<Instant>,
     took: Duration,
 }
 
 impl Pace {
-    /// Work that is due at once, then this long after its end, or longer where it is slow.
+    /// Work that is due at once, and again this long after its end, or later if it is slow.
     pub(super) fn at_once(every: Duration) -> Self {
         let (ended, took) = (None, Duration::ZERO);
         Self { every, ended, took }
     }
 
-    /// The same, first due after this time.
+    /// Work that is first due after this time.
     pub(super) fn after(every: Duration) -> Self {
         let ended = Some(Instant::now());
         Self {
@@ -35,7 +35,7 @@ impl Pace {
         self.ended.is_none_or(|ended| ended.elapsed() >= rest)
     }
 
-    /// Does the work.
+    /// Runs the work and measures its duration.
     pub(super) fn spend<T>(&mut self, work: impl FnOnce() -> T) -> T {
         let begun = Instant::now();
         let done = work();

@@ -43,7 +43,7 @@ pub(super) struct PartArgs {
 }
 
 impl PartArgs {
-    /// The choices of the command line, checked.
+    /// The options of the command line, checked.
     fn spec(&self) -> Result<Spec, Fault> {
         let spec = self.render.0.clone();
         spec.check()?;
@@ -75,7 +75,7 @@ pub(super) fn render(args: &PartArgs) -> anyhow::Result<Exit> {
     stop.begin();
     let name = args.scene.display().to_string();
     let mut request = request(&spec, &opened, &name)?;
-    // A pilot that is stopped leaves a part of no samples.
+    // A pilot that was stopped gives a part without samples.
     if let ControlFlow::Continue(Some(choice)) = request.choose(&|| !stop.asked()).into_exit()? {
         remark_choice(args.program.progress, &choice);
     }
@@ -125,7 +125,7 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     spec.check_layers(&args.output).into_exit()?;
     let window = |size| (args.crop.0.crop).map_or(Window::full(size), |crop| crop.of(size));
     let merged = merge(&args.parts, window, args.spp).map_err(|error| match error {
-        // With the exit codes that they have elsewhere.
+        // The usual exit codes of these causes.
         MergeError::File(error) => anyhow::Error::from(error),
         MergeError::Memory(shortage) => shortage.into(),
         MergeError::Samples(what) => anyhow!(what),

@@ -44,13 +44,13 @@ pub(super) struct ReferenceArgs {
     threads: Option<u16>,
 }
 
-/// Default of the noise to reach.
+/// Default of the target noise.
 const TARGET: f32 = 0.01;
 
-/// Samples of the first and of the longest pass: every crop soon has a file, and passes end soon after a stop signal.
+/// Samples of the first and of the longest pass: every crop gets a file early, and passes end soon after a stop signal.
 const PASS: std::ops::RangeInclusive<u32> = 64..=1024;
 
-/// Least samples for a noise estimate: with fewer, some light has not been found.
+/// Least samples for a noise estimate: with fewer, some light may not have been found.
 const TRUSTED: u32 = 1024;
 
 /// A crop and its reference in progress.
@@ -67,7 +67,7 @@ impl Work<'_> {
         format!("{} {},{}", self.entry.name, self.crop[0], self.crop[1])
     }
 
-    /// Samples of the next pass; none when the crop is done.
+    /// Samples of the next pass; `None` when the crop is done.
     fn pass(&self, spp: u32, target: f64) -> Option<u32> {
         let done = self.reference.samples();
         if done >= spp || (done >= TRUSTED && self.noise <= target) {

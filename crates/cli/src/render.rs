@@ -1,4 +1,4 @@
-//! `opsr render`: a glTF scene in, a picture out.
+//! `opsr render`: renders a scene to picture files.
 
 use super::bar::Style;
 use super::ended::Ended;
@@ -51,7 +51,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         .output()?;
     set_threads(args.program.threads)?;
     let stop = Stop::listen();
-    // While inputs are read Ctrl-C ends the program at once.
+    // Before `begin`, Ctrl-C ends the program at once.
     let opened = open(&args.scene, &mut spec)?;
     check_files(args, &args.output, &spec, &opened.files)?;
     stop.begin();
@@ -68,7 +68,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     .run(request)
 }
 
-/// The choices of the command line, checked.
+/// The options of the command line, checked.
 pub(super) fn spec(args: &RenderArgs, spec: Spec) -> Result<Spec, Fault> {
     spec.check()?;
     args.check()?;
@@ -88,7 +88,7 @@ pub(super) fn open(scene: &Path, spec: &mut Spec) -> anyhow::Result<Opened> {
     Ok(opened)
 }
 
-/// The same without warnings.
+/// Opens a scene as [`open`] does, without its warnings.
 pub(super) fn open_silently(scene: &Path, spec: &mut Spec) -> anyhow::Result<Opened> {
     spec.load_table().into_exit()?;
     spec.load_look().into_exit()?;
@@ -111,7 +111,7 @@ pub(super) fn request<'a>(
     Ok(request)
 }
 
-/// The same without remarks.
+/// The request of a spec, as [`request`] makes it, without remarks.
 pub(super) fn request_silently<'a>(
     spec: &Spec,
     opened: &'a Opened,
@@ -126,7 +126,7 @@ pub(super) fn request_silently<'a>(
     Request::new(spec, subject, None).into_exit()
 }
 
-/// Says what was chosen for the user, and what does not fit.
+/// Reports choices that were made for the user, and options that do not fit together.
 fn remark(request: &Request<'_>) {
     if request.method.table_scenes == Some(1) {
         tracing::warn!(
@@ -142,7 +142,7 @@ fn remark(request: &Request<'_>) {
     }
 }
 
-/// Says which integrator was chosen and why, and with --verbose what the pilot has found.
+/// Reports the chosen integrator with the reason, and with --verbose the results of the pilot.
 pub(super) fn remark_choice(style: Style, choice: &Choice) {
     match style {
         Style::Auto => note(choice.summary()),
@@ -151,7 +151,7 @@ pub(super) fn remark_choice(style: Style, choice: &Choice) {
     tracing::info!("{choice}");
 }
 
-/// Refuses outputs of which two are one file, or one is a file that is read.
+/// An error if two outputs are one file, or if an output is an input.
 pub(super) fn check_files(
     args: &RenderArgs,
     pictures: &[PathBuf],
@@ -179,7 +179,7 @@ pub(super) struct RenderJob<'a> {
     denoiser: Option<Denoiser>,
     opened: &'a Opened,
     stop: Stop,
-    /// Loading and pilots count for --time.
+    /// Start of the command: --time includes loading and pilots.
     began: Instant,
 }
 
@@ -259,7 +259,7 @@ impl RenderJob<'_> {
         })
     }
 
-    /// Goes on from the checkpoint, if that was asked for.
+    /// Resumes from the checkpoint with --resume; an error for an existing checkpoint without it.
     fn continued(&self, request: &mut Request<'_>, path: &Path) -> anyhow::Result<()> {
         if self.args.resume {
             return request.resume(path).into_exit();

@@ -79,7 +79,7 @@ pub(super) struct RenderArgs {
 }
 
 impl RenderArgs {
-    /// Files of statistics: the one of a finished render, and the one of its course (.csv).
+    /// Files of statistics: those of the finished render, and those over time (.csv).
     fn statistics(&self) -> [Vec<&PathBuf>; 2] {
         let of_course = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "csv");
         let (course, end) = self.stats.iter().partition(of_course);
@@ -96,7 +96,7 @@ impl RenderArgs {
         self.statistics()[1].first().copied()
     }
 
-    /// An error for two files of statistics of one kind.
+    /// An error for two files of statistics of one form.
     pub(super) fn check(&self) -> Result<(), Fault> {
         match self.statistics().iter().find(|files| files.len() > 1) {
             Some(files) => {
@@ -110,7 +110,7 @@ impl RenderArgs {
         }
     }
 
-    /// Files that are written beside the picture.
+    /// Files that are written in addition to the picture.
     pub(super) fn others(&self) -> impl Iterator<Item = &PathBuf> {
         self.checkpoint.iter().chain(&self.stats)
     }

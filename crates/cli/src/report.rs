@@ -28,7 +28,7 @@ pub(super) struct ReportArgs {
 pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
     let results = Results::load(&args.results).input()?;
     let html = page(&results);
-    // The page is in its place only when all that goes with it is.
+    // The page is written last, after all files that belong to it.
     can_write(&args.output).into_exit()?;
     if let Some(folder) = &args.plots {
         files::create_folder(folder).output()?;
@@ -45,7 +45,7 @@ pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
     files::write_bytes(&args.output, html).output()
 }
 
-/// The name of a scene without what a file's name should not have.
+/// The name of a scene with only letters, digits, and `._-`.
 fn file_name(name: &str) -> String {
     let plain = |c: char| {
         if c.is_alphanumeric() || "._-".contains(c) {

@@ -1,4 +1,4 @@
-//! `opsr resolve`: the choice among levels, made again from a checkpoint.
+//! `opsr resolve`: repeats the choice among levels from a checkpoint.
 
 use super::exit::{Blame, IntoExit};
 use super::options::FileOptions;

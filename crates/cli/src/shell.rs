@@ -1,4 +1,4 @@
-//! `opsr completions` and `opsr man`: what a shell and `man` want to know, made from the options themselves.
+//! `opsr completions` and `opsr man`: shell completions and manual pages, generated from the options.
 
 use super::exit::Blame;
 use super::output::print;

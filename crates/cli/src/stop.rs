@@ -1,13 +1,13 @@
-//! Signals that end a command. The first Ctrl-C, SIGTERM or SIGHUP requests an end, which integrators find between tiles or
-//! chains; the second ends at once. SIGUSR1 and SIGXCPU, by which batch systems announce a limit of time, ask for an end
-//! as often as they come. While a scene is loaded there is nothing to save, and each of them ends at once.
+//! Signals that end a command. The first Ctrl-C, SIGTERM or SIGHUP requests an end, which integrators check between
+//! tiles or chains; the second ends at once. Batch systems announce a time limit by SIGUSR1 and SIGXCPU, which request
+//! an end however often they come. While a scene is loaded there is nothing to save, and each signal ends at once.
 
 use super::output::note;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Flag that the user sets to end a command.
+/// Flag that requests the end of a command.
 #[derive(Clone)]
 pub(super) struct Stop {
     asked: Arc<AtomicBool>,
@@ -16,8 +16,8 @@ pub(super) struct Stop {
 }
 
 impl Stop {
-    /// Listens from now on; until [`Stop::begin`] the first signal ends the program. Where no handler can be set the
-    /// signals keep their usual meaning.
+    /// Installs the handlers. Until [`Stop::begin`] the first signal ends the program. If no handler can be set, the
+    /// signals keep their default effect.
     pub(super) fn listen() -> Self {
         let stop = Self {
             asked: Arc::default(),
@@ -37,7 +37,7 @@ impl Stop {
         stop
     }
 
-    /// Listens to SIGUSR1 and SIGXCPU. The second SIGXCPU comes a second after the first, and must not end the program.
+    /// Handles SIGUSR1 and SIGXCPU. A second SIGXCPU comes a second after the first, and must not end the program.
     #[cfg(unix)]
     fn listen_to_batch_systems(&self) {
         use signal_hook::consts::{SIGUSR1, SIGXCPU};
@@ -62,12 +62,12 @@ impl Stop {
     #[cfg(not(unix))]
     fn listen_to_batch_systems(&self) {}
 
-    /// Work begins whose results are saved when an end is asked for.
+    /// Starts work whose results are saved when an end is requested.
     pub(super) fn begin(&self) {
         self.idle.store(false, Ordering::Relaxed);
     }
 
-    /// True once an end was asked for.
+    /// True once an end was requested.
     pub(super) fn asked(&self) -> bool {
         self.asked.load(Ordering::Relaxed)
     }
@@ -77,7 +77,7 @@ impl Stop {
         self.asked.clone()
     }
 
-    /// The answer of a listener.
+    /// The result of a callback: break once an end was requested.
     pub(super) fn flow(&self) -> ControlFlow<()> {
         match self.asked() {
             true => ControlFlow::Break(()),
@@ -86,7 +86,7 @@ impl Stop {
     }
 }
 
-/// The flag that Ctrl-C sets where it is the usual end of a command; again, it ends the program at once.
+/// The flag of a command that usually ends by Ctrl-C; a second Ctrl-C ends the program at once.
 pub(super) fn ended() -> Arc<AtomicBool> {
     let ended = Arc::new(AtomicBool::new(false));
     let flag = ended.clone();

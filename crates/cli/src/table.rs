@@ -125,7 +125,7 @@ fn summarise(file: &TableFile, top: usize) -> Value {
     let visits = file.provenance.as_ref().map(|p| p.visits.as_slice());
     let lengths = (2..=MAX_VERTICES).map(|length| of_length(file, visits, length, top));
     let mut training = json!(file.provenance);
-    // Listed with the classes.
+    // Each class lists its visits.
     if let Some(fields) = training.as_object_mut() {
         fields.remove("visits");
     }
@@ -136,7 +136,7 @@ fn summarise(file: &TableFile, top: usize) -> Value {
         "sha256": hex(&file.digest()),
         "training": training,
         "all": statistics(file, visits, &classes(|_| true)),
-        // A last vertex in the last bin is so rough that its factor hardly matters.
+        // A last vertex in the top bin is so rough that its factor hardly matters.
         "live": statistics(file, visits, &classes(|bins| bins.last() < Some(&(BINS - 1)))),
         "lengths": lengths.collect::<Vec<_>>(),
     })

@@ -2,10 +2,10 @@
 
 use anyhow::Context;
 
-/// Threads per core, and in any case, that are taken at most: more take minutes to find their work, and add nothing.
+/// Most threads: per core, and in any case. More take minutes to start and gain nothing.
 const MOST: (usize, usize) = (4, 64);
 
-/// Sets the number of threads; all cores without one.
+/// Sets the number of threads; `None` uses all cores.
 pub(super) fn set_threads(threads: Option<u16>) -> anyhow::Result<()> {
     if let Some(threads) = threads {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);

@@ -1,4 +1,4 @@
-//! `opsr trace`: the paths of a pixel, in words.
+//! `opsr trace`: the paths of a pixel as text.
 
 use super::exit::{Blame, IntoExit};
 use super::options::{MORE, Pixel, TraceOptions, pixel};
@@ -15,7 +15,7 @@ use opsr::scene::Scene;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Samples that are printed unless others are asked for.
+/// Default number of printed samples.
 const SAMPLES: u32 = 4;
 
 /// Options of `opsr trace`.
@@ -46,7 +46,7 @@ Examples:
 pub(super) fn run(args: &TraceArgs) -> anyhow::Result<()> {
     let pixel = args.pixel;
     let mut spec = args.render.0.clone();
-    // Paths from the camera are what a pixel has.
+    // Path tracing by default: only its paths belong to one pixel.
     spec.integrator.get_or_insert(IntegratorKind::Path);
     if spec.levels.is_none() {
         spec.resolve.get_or_insert(ResolveChoice::Raw);
@@ -113,7 +113,7 @@ fn described(path: &TracedPath, scene: &Scene, Pixel(pixel): Pixel) -> String {
     text
 }
 
-/// Three numbers for people.
+/// A colour with six significant digits.
 pub(super) fn rgb(x: Rgb) -> String {
     let [x, y, z] = x
         .to_array()

@@ -123,7 +123,7 @@ pub(super) fn run(args: &VerifyArgs) -> anyhow::Result<Exit> {
     report.finish()
 }
 
-/// Findings so far, as they are printed.
+/// Findings, printed as they are added.
 struct Report {
     json: Option<Vec<serde_json::Value>>,
     wrong: u32,
@@ -156,7 +156,7 @@ impl Report {
         Ok(())
     }
 
-    /// Adds the findings of a planted fault, one of which must not hold.
+    /// Adds the findings of a planted fault: at least one must violate its bound.
     fn add_planted(&mut self, fault: &str, findings: &[Finding]) -> anyhow::Result<()> {
         for finding in findings {
             let mark = if finding.holds() { "" } else { "found" };

@@ -1,4 +1,4 @@
-//! `opsr view`: a scene in the browser, refined while one looks at it.
+//! `opsr view`: renders a scene progressively in the browser.
 
 use super::exit::{Exit, IntoExit};
 use super::options::RenderOptions;
@@ -65,7 +65,7 @@ pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// Opens the browser, where there is one.
+/// Opens the browser, if there is one.
 fn open(address: &str) {
     let program = if cfg!(target_os = "macos") {
         "open"
@@ -78,7 +78,7 @@ fn open(address: &str) {
     command.arg(address).stdin(Stdio::null());
     command.stdout(Stdio::null()).stderr(Stdio::null());
     match command.spawn() {
-        // Waited for, so that it does not stay as a zombie.
+        // A thread waits for the child, so that it does not become a zombie.
         Ok(mut child) => drop(std::thread::spawn(move || child.wait())),
         Err(_) => note("opsr: no browser was found: open the address above"),
     }

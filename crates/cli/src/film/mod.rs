@@ -108,7 +108,7 @@ pub(super) fn run(args: &FilmArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Numbers of the frames that are there, one after another.
+/// Numbers of the existing frames, which must be consecutive.
 fn found(names: &FrameNames, pattern: &Path) -> anyhow::Result<Vec<u32>> {
     let shown = pattern.display().to_string();
     let numbers = names.found().context(shown.clone()).input()?;
@@ -151,7 +151,7 @@ fn recorded(path: &Path) -> anyhow::Result<(Spec, Layers)> {
     Ok((spec, layers))
 }
 
-/// Layers that an averaged frame keeps, by their names in files and with their channels: those of its surfaces.
+/// Layers of an averaged frame, which describe its surfaces, with their names in files and their channels.
 const KEPT: [(Aov, &str, &[&str]); 6] = [
     (Aov::Albedo, "albedo", &["R", "G", "B"]),
     (Aov::Normal, "normal", &["X", "Y", "Z"]),
@@ -203,16 +203,16 @@ fn read_frame(path: &Path, number: u32, mut read: Layers, camera: Camera) -> any
     })
 }
 
-/// Keys of the run that made a frame, and of the statistics of its samples.
+/// Metadata keys of the run that rendered a frame, and of the statistics of its samples.
 const OF_A_RUN: [&str; 4] = ["command", "seconds", "threads", "mean_error"];
 
-/// The text of a frame without these.
+/// The metadata of a frame without the keys in [`OF_A_RUN`].
 fn of_render(mut metadata: Metadata) -> Metadata {
     metadata.retain(|key, _| !OF_A_RUN.contains(&key.as_str()));
     metadata
 }
 
-/// Frames in order, and the scene of the last one with the hits of the centres of its pixels.
+/// Frames in order. `last` is the scene of the last frame, with the surface hits of its pixel centres.
 #[derive(Default)]
 struct Film {
     sequence: Sequence,
@@ -221,7 +221,7 @@ struct Film {
     asked: String,
 }
 
-/// The options of scene and light without the moment, as words: equal for two specs only if their scenes are equal.
+/// The options of scene and light without the moment, as text: equal for two specs only if their scenes are equal.
 fn asked(spec: &Spec) -> String {
     let spec = Spec {
         at: None,
@@ -231,7 +231,7 @@ fn asked(spec: &Spec) -> String {
 }
 
 impl Film {
-    /// A film without frames yet; `motion` adds that layer.
+    /// A film without frames; `motion` adds the layer of that name.
     fn new(motion: bool) -> Self {
         Self {
             sequence: Sequence::new(motion),
@@ -239,7 +239,7 @@ impl Film {
         }
     }
 
-    /// The scene at the moment of a spec: that of the last frame, where cameras alone have moved since, or opened by `open`.
+    /// The scene at the moment of a spec: the last frame's if only cameras have moved since, else opened by `open`.
     fn open(
         &mut self,
         scene: &Path,
@@ -258,7 +258,7 @@ impl Film {
         open()
     }
 
-    /// Adds a frame of a scene, without its surfaces, and writes the frame whose neighbours are there now.
+    /// Adds a frame of a scene, traces its surfaces, and writes the frame whose neighbours are now complete.
     fn add(
         &mut self,
         opened: Opened,
@@ -268,7 +268,7 @@ impl Film {
         let view = View::new(&opened.scene, &frame.camera, frame.size, frame.window);
         let (surfaces, hits) = Surfaces::of(&view);
         frame.surfaces = surfaces;
-        // A scene that is still has no places: `last` was taken.
+        // A static scene needs no positions of surfaces in the other frame: `open` took `last`.
         if let Some((last, before)) = &self.last {
             self.sequence
                 .set_after(places(before, &last.scene, &opened.scene));
@@ -287,7 +287,7 @@ impl Film {
         Ok(())
     }
 
-    /// Writes the frames that wait for others, after which none comes.
+    /// Writes the remaining frames, without neighbours after the last.
     fn end(&mut self, outputs: &mut FrameOutputs) -> anyhow::Result<()> {
         let in_studio = self
             .last

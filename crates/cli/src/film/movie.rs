@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek};
 use std::path::{Path, PathBuf};
 
-/// An animated PNG. It is made in a file without a name, and takes its own when all frames are there.
+/// An animated PNG. It is written to a temporary file, and to its own file when all frames are there.
 pub(super) struct Movie {
     path: PathBuf,
     frames: usize,
@@ -32,7 +32,7 @@ impl Movie {
         &self.path
     }
 
-    /// Adds a frame; the first one says the size and the frames per second.
+    /// Adds a frame; the first one determines the size and the frames per second.
     pub(super) fn add(
         &mut self,
         picture: &Buffer,
@@ -51,7 +51,7 @@ impl Movie {
         Ok(())
     }
 
-    /// Writes the file; false if frames are missing, and there is none.
+    /// Writes the file; returns false, without a file, if frames are missing.
     pub(super) fn end(self) -> anyhow::Result<bool> {
         let Some((mut file, writer)) = self.made.filter(|_| self.written == self.frames) else {
             return Ok(false);
@@ -63,7 +63,7 @@ impl Movie {
     }
 }
 
-/// The head of a movie.
+/// A temporary file with the header of a movie.
 fn begin(
     picture: &Buffer,
     frames: usize,

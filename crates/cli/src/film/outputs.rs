@@ -27,7 +27,7 @@ pub(super) struct FrameOutputs {
 }
 
 impl FrameOutputs {
-    /// Checks before anything is rendered that the files of `count` frames from the first one on can be written.
+    /// Checks before any rendering that the files of `count` frames from the first one on can be written.
     pub(super) fn new(
         paths: &[PathBuf],
         spec: &Spec,
@@ -63,7 +63,7 @@ impl FrameOutputs {
         let all = files.iter().map(PathBuf::as_path).chain(outputs.movies());
         check_distinct(all, []).into_exit()?;
         let mut shown = files.clone();
-        // A movie has exposure and view, as a PNG file has.
+        // A movie has an exposure and a view, as a PNG file has.
         shown.extend(outputs.movies().map(|path| path.with_extension("png")));
         spec.check_layers(&shown).into_exit()?;
         if motion && !files.iter().any(|file| has_ending(file, "exr")) {
@@ -78,7 +78,7 @@ impl FrameOutputs {
         self.movies.iter().map(Movie::path)
     }
 
-    /// Ends the files of all frames together; gives those that are left out, since frames are missing.
+    /// Completes the files of all frames; returns those that are not written because frames are missing.
     pub(super) fn end(&mut self) -> anyhow::Result<Vec<PathBuf>> {
         let mut missing = Vec::new();
         for movie in self.movies.drain(..) {
@@ -182,7 +182,7 @@ impl FrameOutputs {
     }
 }
 
-/// Frames per second of the moment that a frame shows; 24 where it says none.
+/// Frames per second of a frame's moment; 24 by default.
 fn fps(metadata: &Metadata) -> f64 {
     let moment = metadata.get("at").and_then(|text| text.split_once('@'));
     let fps = moment.and_then(|(_, fps)| fps.parse().ok());

@@ -72,7 +72,7 @@ pub(in super::super) fn run(args: &RenderArgs, range: FrameRange) -> anyhow::Res
     Ok(exit)
 }
 
-/// The choices of the command line, and if motion was asked for; an error for those that a film does not have.
+/// The options of the command line, and true if motion is requested; an error for options that a film does not have.
 fn checked(args: &RenderArgs) -> Result<(Spec, bool), Fault> {
     let mut own = args.render.0.clone();
     let of_frames = own
@@ -113,7 +113,7 @@ fn checked(args: &RenderArgs) -> Result<(Spec, bool), Fault> {
     Ok((spec, motion))
 }
 
-/// Frames as they were rendered, kept in a folder so that a film can be continued.
+/// Frames as rendered, kept in a folder so that a film can be resumed.
 struct Kept {
     folder: PathBuf,
     resumed: bool,
@@ -135,7 +135,7 @@ impl Kept {
             resumed,
             _claim: claim,
         };
-        // The folder is made with its first frame.
+        // The folder is created with its first frame.
         let old = match folder.is_dir() {
             true => kept.names().found(),
             false => Ok(Vec::new()),
@@ -152,7 +152,7 @@ impl Kept {
         FrameNames::new(&self.folder.join("######.exr")).expect("a name with digits")
     }
 
-    /// The file of a frame, and if it is there from an earlier run.
+    /// The file of a frame; true if an earlier run wrote it.
     fn file(&self, number: u32) -> (PathBuf, bool) {
         let file = self.names().of(number);
         let there = self.resumed && file.exists();
@@ -160,13 +160,13 @@ impl Kept {
     }
 }
 
-/// Contenders of the choice of an integrator that are looked through for that of a kept frame; there are fewer.
+/// More than the number of contenders of the pilot, among which that of a kept frame is searched.
 const CONTENDERS: usize = 16;
 
-/// Keys that equal renders of a frame may differ in: the name of the scene, which its hash identifies, and what a render finds.
+/// Keys that may differ between equal renders of a frame: the scene's name, which has a hash, and results.
 const FOUND: [&str; 5] = ["scene", "spp", "refused_samples", STATED, "light_missing"];
 
-/// The first key in which a frame of a file is not one of a request.
+/// The first key in which the metadata of a file differ from those of a request.
 fn difference(request: &Request<'_>, file: &Metadata) -> Option<String> {
     let ours = of_render(request.metadata(0, 0));
     let theirs = of_render(file.clone());
@@ -176,7 +176,7 @@ fn difference(request: &Request<'_>, file: &Metadata) -> Option<String> {
     keys.find(differs).cloned()
 }
 
-/// A film that is rendered.
+/// A film to render.
 struct Job<'a> {
     args: &'a RenderArgs,
     range: FrameRange,
@@ -186,7 +186,7 @@ struct Job<'a> {
     /// The files of all frames.
     files: Vec<PathBuf>,
     stop: Stop,
-    /// True for the layer of motion.
+    /// True to add the layer of motion.
     motion: bool,
     began: Instant,
     bar: Progress,
@@ -199,7 +199,7 @@ impl Job<'_> {
         let (mut film, mut place) = (Film::new(self.motion), None);
         for (done, number) in numbers.enumerate() {
             let spec = self.spec_of(number, count - done);
-            // Warnings and remarks are those of the first frame.
+            // Warnings and remarks are given only for the first frame.
             let opened = film.open(&args.scene, &spec, || match done {
                 0 => open(&args.scene, &mut spec.clone()),
                 _ => open_silently(&args.scene, &mut spec.clone()),
@@ -233,7 +233,7 @@ impl Job<'_> {
         Ok(Exit::Done)
     }
 
-    /// The choices for a frame, of which `left` are to be rendered.
+    /// The options of a frame, with its seed and its share of the time; `left` frames are still to be rendered.
     fn spec_of(&self, number: u32, left: usize) -> Spec {
         let mut spec = self.spec.clone();
         spec.at = Some(Moment::Frame(number.into(), self.range.fps));
@@ -246,7 +246,7 @@ impl Job<'_> {
         spec
     }
 
-    /// A frame of an earlier run; an error for one that this render would not make. `place` is that of the contender that was chosen.
+    /// A kept frame; an error if this render would not make it. `place` is the contender that the pilot chose.
     fn read(
         &self,
         request: &mut Request<'_>,
@@ -293,7 +293,7 @@ impl Job<'_> {
         }
     }
 
-    /// Renders a frame and keeps it; `None` if it was stopped.
+    /// Renders a frame and keeps it; `None` if the user stopped it.
     fn render(
         &self,
         request: &mut Request<'_>,
@@ -332,7 +332,7 @@ impl Job<'_> {
             let seconds = format!("{:.3}", seconds.as_secs_f64());
             outcome.metadata.insert("seconds".into(), seconds);
         }
-        // Rounded numbers would give other averages when they are read again.
+        // The kept file is not rounded, so that averages from it are equal.
         outcome.spec.exr = None;
         let finished = outcome.finish_files(self.denoiser.as_ref()).into_exit()?;
         if let Some(file) = kept {
@@ -345,7 +345,7 @@ impl Job<'_> {
     }
 }
 
-/// The frame of a finished render, as its file would hold it; its surfaces are not traced yet.
+/// The frame of a finished render, equal to that of its file, without traced surfaces.
 fn frame(request: &Request<'_>, finished: &Finished<'_>, number: u32) -> Frame {
     let Finished { outcome, shown } = finished;
     let (film, missing) = (&outcome.picture.film, outcome.missing.as_ref());
@@ -386,7 +386,7 @@ impl Progress {
         }
     }
 
-    /// A frame begins, after this number of finished ones.
+    /// Starts the progress of a frame, after this number of finished ones.
     fn begin(&self, done: usize) {
         self.done.set(done);
     }

@@ -17,7 +17,7 @@ fn slow_work_takes_a_fifth_at_most() {
         }
         sleep(Duration::from_millis(1));
     }
-    // The last work has no rest behind it.
+    // There is no pause after the last work.
     assert!(begun.elapsed() >= spent + 2 * REST * WORK, "{spent:?}");
 }
 

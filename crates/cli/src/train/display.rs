@@ -8,7 +8,7 @@ use opsr_train::learn::recordings::RecordingProgress;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 
-/// Progress as a bar on a terminal, as JSON lines, or not at all.
+/// Progress as a bar on a terminal, as JSON lines, or none.
 pub(super) struct ProgressDisplay {
     bar: Option<ProgressBar>,
     style: Style,
@@ -22,7 +22,7 @@ impl ProgressDisplay {
         Self { bar, style, steps }
     }
 
-    /// Prints a line for people.
+    /// Prints a message; nothing with `Style::None`.
     pub(super) fn say(&self, text: &str) {
         match (&self.bar, self.style) {
             (Some(bar), _) => bar.println(text),
@@ -50,7 +50,7 @@ impl ProgressDisplay {
                 bar.set_message(line);
             }
             (None, Style::Json) => {
-                // The training continues when nobody reads its output.
+                // A closed output does not end the training.
                 let line = serde_json::json!({
                     "recording": crop, "done": done, "of": of, "eta": left.map(|l| l.as_secs_f64()),
                 });
@@ -60,7 +60,7 @@ impl ProgressDisplay {
         }
     }
 
-    /// The recordings are done: steps are shown from now on.
+    /// Switches from recordings to steps.
     pub(super) fn recorded(&self) {
         if let Some(bar) = &self.bar {
             bar.set_length(self.steps.into());
@@ -100,7 +100,7 @@ impl ProgressDisplay {
                 "beta": beta, "step": step, "steps": self.steps, "loss": entry.loss,
                 "validation": entry.validation, "worst": worst.map(|w| w.1), "seconds": entry.seconds,
             });
-            // The training continues when nobody reads its output.
+            // A closed output does not end the training.
             let _ = writeln!(std::io::stdout(), "{line}");
         }
     }

@@ -7,17 +7,17 @@ use opsr_train::learn::outer_loop::LogEntry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Longest log that is read; ten thousand steps with a validation each need less.
+/// Most bytes of a log: more than ten thousand steps need, with a validation each.
 const MAX_BYTES: u64 = 1 << 26;
 
-/// The log by step. Its file is replaced as a whole at every line, so that it is never half-written.
+/// The log by step. Its file is replaced as a whole at every line, so that it is never incomplete.
 pub(super) struct MetricsLog {
     path: PathBuf,
     lines: BTreeMap<u32, String>,
 }
 
 impl MetricsLog {
-    /// Opens the log, with the lines of the earlier run if that is resumed.
+    /// Opens the log; a resumed run keeps its earlier lines.
     pub(super) fn open(path: &Path, resume: bool) -> anyhow::Result<Self> {
         let old = match resume.then(|| files::read_text(path, MAX_BYTES)) {
             Some(Err(e)) if !e.is_missing() => return Err(e).input(),
@@ -56,7 +56,7 @@ impl MetricsLog {
     }
 }
 
-/// Step, seconds and mean losses of all entries; what is not known is left empty.
+/// Step, seconds and mean losses of all entries; unknown values are empty.
 fn csv(entries: &[serde_json::Value]) -> String {
     const COLUMNS: [&str; 4] = ["step", "seconds", "loss", "validation"];
     let row = |entry: &serde_json::Value| {

@@ -75,14 +75,14 @@ impl TrainArgs {
         self.run.clone().unwrap_or_else(default)
     }
 
-    /// The checkpoints of a run, with their β.
+    /// The existing checkpoints of a run, with their β.
     fn checkpoints(&self, config: &Config, run: &Path) -> Vec<(f32, PathBuf)> {
         let place = |&beta: &f32| (beta, run.join(self.stem(config, beta)).join(CHECKPOINT));
         let places = config.beta.iter().map(place);
         places.filter(|(_, path)| path.exists()).collect()
     }
 
-    /// Refuses to resume where there is nothing to resume from, and to replace a run or a table unless `--force` says so.
+    /// An error for --resume without a run to resume, and for a run or table that only `--force` may replace.
     fn check_places(&self, config: &Config, run: &Path) -> anyhow::Result<()> {
         let stems = config.beta.iter().map(|&beta| self.stem(config, beta));
         let stems: Vec<String> = stems.collect();
@@ -106,7 +106,7 @@ impl TrainArgs {
         }
         for stem in stems {
             let table = self.out.join(format!("{stem}.json"));
-            // A resumed run replaces the table that it made itself.
+            // A resumed run may replace its own table.
             let own = || std::fs::read(run.join(&stem).join("table.json")).ok();
             let ours = self.resume && std::fs::read(&table).ok() == own();
             if table.exists() && !ours {
@@ -117,7 +117,7 @@ impl TrainArgs {
         Ok(())
     }
 
-    /// The folder that recordings are kept in; made where it is the run's own.
+    /// The folder of the recordings; the run's own folder is created if necessary.
     fn kept(&self, run: &Path) -> anyhow::Result<PathBuf> {
         if let Some(folder) = &self.recordings {
             return Ok(folder.clone());
@@ -152,7 +152,7 @@ fn recordings(run: &Path) -> Vec<PathBuf> {
     recordings_in(&run.join(RECORDINGS))
 }
 
-/// True if a run's folder holds any work: recordings, or folders of tables with any.
+/// True if a run's folder contains recordings, or folders of tables with a checkpoint or a table.
 fn holds_a_run(run: &Path) -> bool {
     let work = |folder: &Path| {
         let files = [CHECKPOINT, "table.json"];
@@ -177,7 +177,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
 
     let progress = ProgressDisplay::new(args.progress, config.steps);
     if !args.resume {
-        // Those of a run that --force replaces.
+        // These belong to a run that --force replaces.
         remove_recordings(&run);
     }
     let kept = args.kept(&run)?;
@@ -230,19 +230,19 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     if stop.asked() {
         return Ok(Exit::Stopped);
     }
-    // Large, and of use no longer.
+    // Recordings are large and no longer needed.
     remove_recordings(&run);
     Ok(Exit::Done)
 }
 
-/// Removes the recordings of a run; one that cannot be removed is in nobody's way.
+/// Removes the recordings of a run; a failure is only a warning, because they do no harm.
 fn remove_recordings(run: &Path) {
     for path in recordings(run) {
         if let Err(error) = std::fs::remove_file(&path) {
             tracing::warn!("{}: cannot be removed: {error}", path.display());
         }
     }
-    // Only if it is empty.
+    // This fails unless the folder is empty.
     let _ = std::fs::remove_dir(run.join(RECORDINGS));
 }
 

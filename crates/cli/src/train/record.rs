@@ -1,4 +1,4 @@
-//! `opsr record`: the paths of a training, traced by any number of processes before it.
+//! `opsr record`: traces the paths of a training in advance, in any number of processes.
 
 use super::super::bar::Style;
 use super::super::exit::{Blame, Exit};

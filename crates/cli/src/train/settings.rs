@@ -76,7 +76,7 @@ impl SettingArgs {
         for setting in &self.settings {
             config = config.with_setting(setting).usage()?;
         }
-        // A file is an input; without one only the command line can be wrong.
+        // With a file the fault may be in the input, without a file only in the command line.
         let checked = config.check();
         match self.config {
             Some(_) => checked.input()?,

@@ -161,8 +161,7 @@ fn under_disc(mut parts: SceneParts) -> SceneParts {
     parts
 }
 
-/// A tiled pool under a dim sky, seen through the smooth surface of its water: every path from the sun crosses it
-/// twice.
+/// A tiled pool under a dim sky, seen through the smooth surface of its water: sunlit paths cross it twice.
 fn pool() -> SceneParts {
     let mut parts = water_of(LEVEL);
     parts.add_camera([0.0, 2.3, 2.0], [0.0, 0.3, 0.0], 42.0);

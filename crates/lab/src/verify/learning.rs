@@ -111,8 +111,7 @@ pub fn derivatives(crop: &Crop, recordings: u64, factor: f64) -> Result<Finding,
                 moved.gammas[class] += step;
                 weigh(&adjoint, &replay.moments(&moved))
             };
-            // The gradient takes the bin of a folded value as constant. A step may cross an edge of bins, hence the
-            // median.
+            // The gradient takes a folded value's bin as constant. A step may cross an edge, hence the median.
             let h = 2e-4;
             let difference = (at(h) - at(-h)) / (2.0 * f64::from(h));
             errors.push((difference / (factor * gradient[class]) - 1.0).abs());
