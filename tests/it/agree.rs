@@ -1,4 +1,4 @@
-//! The three-scale test of two pictures: planted errors are found, equal distributions pass.
+//! The three-scale test of two pictures: it detects planted errors and passes equal distributions.
 
 use opsr::image::Buffer;
 use opsr::image::batches::Sharing;
@@ -15,7 +15,7 @@ use crate::support::render::{film_with, scene, without_noise};
 
 const EDGE: u32 = 32;
 
-/// A film whose sample is `f` of the pixel and three uniform numbers.
+/// A film whose samples are `f` of the pixel and three uniform numbers.
 fn film(seed: u32, spp: u32, f: impl Fn(UVec2, Rgb) -> Rgb) -> Film {
     let mut film = Film::new(UVec2::splat(EDGE));
     for i in 0..film.pixels.len() {
@@ -74,7 +74,7 @@ fn agreement_finds_planted_errors_at_their_scale() {
 
 #[test]
 fn agreement_passes_equal_distributions() {
-    // Even noise, a heavy tail, rare hits on black, and two estimators of one mean.
+    // Uniform noise, a heavy tail, rare hits on black, and two estimators of one mean.
     type Estimator = fn(UVec2, Rgb) -> Rgb;
     let even: Estimator = |p, u| shade(p) * u;
     let tail: Estimator = |_, u| u.powf(-0.4).min(Rgb::splat(1e3));
@@ -88,8 +88,8 @@ fn agreement_passes_equal_distributions() {
         (rare, rare, 64),
         (even, coin, 64),
     ];
-    // One false alarm in a hundred is the promise: of forty pairs 0.4 are expected, and more than two in 0.8 %.
-    // (With 200 pairs a case, six of a thousand fail; without the care for rare hits, 43, most in the last case.)
+    // At one false alarm in a hundred, forty pairs have 0.4 on average, and more than two in 0.8 % of runs. (With 200
+    // pairs a case, six of a thousand fail; without the correction for rare hits, 43, most of them in the last case.)
     let mut alarms = 0;
     for (case, (f, g, spp)) in cases.into_iter().enumerate() {
         for k in 0..8 {
@@ -141,8 +141,8 @@ fn agreement_with_an_exact_picture() {
     assert!(agree(&film, &without_noise(&Buffer::filled(3, 3, Rgb::ONE))).is_err());
 }
 
-/// Rare bright hits against the same mean without them, and heavy tails, at few samples: no more false alarms than one in
-/// a hundred, and a share of biased pictures is found.
+/// Rare bright hits against the same mean without them, and heavy tails, at few samples. At most one false alarm in a
+/// hundred is allowed, and biased pictures are detected at 10 %.
 #[test]
 fn agreement_with_heavy_tails_at_few_samples() {
     type Estimator = fn(UVec2, Rgb) -> Rgb;
@@ -166,16 +166,16 @@ fn agreement_with_heavy_tails_at_few_samples() {
                 }
             }
         }
-        // Even noise has not become harder to see through: 10 % are found with eight samples a pixel.
+        // Uniform noise is still tested well: eight samples a pixel detect 10 %.
         let bright = film(7, spp, |p, u| 1.1 * shade(p) * u);
         let good = film(8, spp, |p, u| shade(p) * u);
         assert!(!agree(&good, &bright).unwrap().passed(), "{spp} samples");
     }
-    // 1.4 are expected of 144, and more than five in 0.4 %.
+    // The expected number of failures is 1.4 of 144 pairs; more than five happen in 0.4 % of runs.
     assert!(alarms <= 5, "{alarms} of {pairs}");
 }
 
-/// Photons of a large radius count for many pixels: each of them is as noisy as it says, their mean is noisier.
+/// Photons of a large radius count for many pixels: the variance of each pixel is right, but their mean is noisier.
 #[test]
 fn pixels_that_share_light_paths_raise_no_false_alarm() {
     let scene = scene(cornell_box());
@@ -206,14 +206,14 @@ fn pixels_that_share_light_paths_raise_no_false_alarm() {
     println!("{alarms} of 20 as independent pixels, {judged} by the error of the mean");
     assert!(alarms > 0, "then nothing needs to be left out");
     assert_eq!(judged, 0);
-    // The image is judged: a picture three times as bright is another one.
+    // The image is still judged: a picture three times as bright fails.
     let mut bright = pictures[1].clone();
     for pixel in &mut bright.pixels {
         pixel.mean *= 3.0;
     }
     let agreement = agree(&pictures[0], &bright).unwrap();
     assert!(!agreement.image.passed() && !agreement.passed());
-    // By pixels the error is right: over seeds it is what each says.
+    // The stated errors of pixels agree with their variance over seeds.
     let pixels = 0..pictures[0].pixels.len();
     let sums = pixels.map(|i| {
         let mut over_seeds = Moments::default();

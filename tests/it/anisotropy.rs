@@ -1,4 +1,4 @@
-//! Brushed surfaces: values by definition, what roughening does, and the direction of the brushing.
+//! Anisotropic surfaces: values by definition, roughening, and the direction of the brushing.
 
 use super::support::gltf::File;
 use super::support::render::{film, mean, scene};
@@ -22,7 +22,7 @@ fn above(rng: &mut Pcg32) -> Vec3 {
     (around * (1.0 - z * z).sqrt()).extend(z)
 }
 
-/// A white metal of these roughnesses.
+/// A white metal with these two roughnesses.
 fn white(along: f32, across: f32, direction: Vec2, distribution: Distribution) -> Anisotropic {
     let lobe = Glossy {
         f0: Rgb::ONE,
@@ -37,7 +37,7 @@ fn white(along: f32, across: f32, direction: Vec2, distribution: Distribution) -
     }
 }
 
-/// D and Λ of two roughnesses by [Heitz14], in coordinates along and across.
+/// D and Λ for two roughnesses by [Heitz14], in coordinates along and across the brushing.
 struct Exact {
     alphas: [f64; 2],
     distribution: Distribution,
@@ -59,7 +59,7 @@ impl Exact {
     fn lambda(&self, w: DVec3) -> f64 {
         use opsr::bsdf::LobeReal;
         let [x, y] = self.alphas;
-        // α of the azimuth, times the tangent.
+        // The inverse of α in the azimuth of w times the tangent.
         let a = w.z / ((x * w.x).powi(2) + (y * w.y).powi(2)).sqrt();
         match self.distribution {
             Distribution::Beckmann => a.beckmann_lambda(),
@@ -79,7 +79,7 @@ fn anisotropic_value_and_pdf_are_those_of_two_roughnesses() {
             let bsdf = white(along, across, direction, distribution);
             let own = Bsdf::Anisotropic(bsdf).alpha();
             assert!((own - (along * across).sqrt()).abs() < 2e-2 * own, "{own}");
-            // Roughened too.
+            // Also after roughening.
             for alpha in [own, 1.7 * own] {
                 let alphas = bsdf.alphas(alpha).map(f64::from);
                 let exact = Exact {
@@ -129,7 +129,7 @@ fn anisotropic_code_keeps_direction_and_ratio() {
         let across = along * 1e-3f32.powf(rng.random());
         let direction = Vec2::from_angle(angle);
         let bsdf = white(along, across, 3.0 * direction, Distribution::Ggx);
-        // The opposite direction is the same.
+        // Opposite directions are equivalent.
         let cos = bsdf.direction().dot(direction).abs();
         assert!(cos > 1.0 - 1e-6, "{direction} {}", bsdf.direction());
         let found = bsdf.alphas(Bsdf::Anisotropic(bsdf).alpha());
@@ -155,7 +155,7 @@ fn anisotropic_of_equal_roughnesses_is_isotropic() {
             assert!(apart <= 1e-4 * a.value.max_element(), "{wo} {wi}");
         }
     }
-    // A mirror stays one.
+    // A mirror stays a mirror.
     let mirror = |along| {
         let lobe = white(0.2, 0.2, Vec2::X, Distribution::Ggx).isotropic();
         anisotropic(lobe, along, 0.0, Vec2::X)
@@ -165,7 +165,7 @@ fn anisotropic_of_equal_roughnesses_is_isotropic() {
     assert!(matches!(sharp, Bsdf::Anisotropic(_)) && !sharp.is_delta_at(sharp.alpha()));
 }
 
-/// Rules see the geometric mean; the rougher the path before, the larger are both roughnesses and the lower is the peak.
+/// Rules use the geometric mean. A rougher path before the lobe raises both roughnesses and lowers the peak.
 #[test]
 fn roughening_raises_both_roughnesses_of_an_anisotropic_lobe() {
     let lobe = white(0.3, 0.02, Vec2::X, Distribution::Beckmann);
@@ -224,19 +224,19 @@ fn of(material: Material, mesh: Mesh) -> Scene {
 #[test]
 fn anisotropy_follows_tangents_rotation_and_texture() {
     let steel = |strength, rotation| brushed(metal("steel", Rgb::ONE, 0.01), strength, rotation);
-    // By the texture's coordinates: the tangent is y, and the bitangent points against v, along x.
+    // By the texture coordinates the tangent is y, and the bitangent is against v, along x.
     let scene = of(steel(0.5, 0.0), sheet());
     same_line(brushing(&scene, 0.3, 0.2), Vec3::Y);
     let scene = of(steel(0.5, 0.3), sheet());
     let (sin, cos) = 0.3f32.sin_cos();
     same_line(brushing(&scene, 0.3, 0.2), Vec3::new(sin, cos, 0.0));
-    // Roughnesses 0.01 and mix(0.01, 1, 0.5²).
+    // The roughnesses are 0.01 and mix(0.01, 1, 0.5²).
     let mut surface = point(&scene, 0.3, 0.2);
     let bsdf = scene.bsdf(&mut surface, 0.5);
     let expected = (0.01f32 * (0.01 + 0.99 * 0.25)).sqrt();
     assert!((bsdf.alpha() - expected).abs() < 1e-2 * expected);
     assert_eq!(scene.parts().materials[0].lobe_alpha(), expected);
-    // The mesh's own tangents come first: a disc that faces the camera.
+    // The mesh's own tangents take precedence: a disc that faces the camera.
     let plate = disc(1.0, 64).placed([0.0, std::f32::consts::FRAC_PI_2, 0.0], Vec3::ZERO);
     let scene = of(steel(0.5, 0.0), plate);
     for [x, y] in [[0.5, 0.1], [-0.3, 0.4], [0.0, -0.7f32]] {
@@ -244,7 +244,7 @@ fn anisotropy_follows_tangents_rotation_and_texture() {
         let cos = found.dot(Vec3::new(-y, x, 0.0).normalize()).abs();
         assert!(cos > 0.998, "{x} {y}: {found}");
     }
-    // Red and green turn it, blue takes strength away.
+    // Red and green rotate the brushing, blue scales the strength.
     let texel = |rgba: [u8; 4]| Texture::rgba(1, 1, vec![rgba]);
     let textured = |rgba| {
         let mut material = steel(1.0, 0.0);
@@ -318,12 +318,12 @@ fn anisotropy_without_coordinates_is_ignored_with_a_warning() {
     assert!(warnings.iter().any(said), "{warnings:?}");
 }
 
-/// Smooth meshes get one tangent at a vertex, so that highlights have no facets.
+/// Smooth meshes get a single tangent per vertex, so that highlights show no facets.
 #[test]
 fn loaded_anisotropy_derives_smooth_tangents() {
     let mut parts = SceneParts::default();
     let plate = disc(1.0, 12);
-    // Not quite around: u would jump at the seam.
+    // Slightly less than a full turn: u would jump at the seam.
     let uvs = (plate.positions.iter())
         .map(|p| Vec2::new((p.z.atan2(p.x)) / 6.3, p.length()))
         .collect();
@@ -355,7 +355,7 @@ fn loaded_anisotropy_derives_smooth_tangents() {
     }
 }
 
-/// The coat has its own normal map, or none: never that of its base.
+/// The coat has its own normal map or none; the base's map does not apply to it.
 #[test]
 fn clearcoat_normal_is_apart_from_that_of_the_base() {
     let texel = |rgba: [u8; 4]| Texture::rgba(1, 1, vec![rgba]);
@@ -366,7 +366,7 @@ fn clearcoat_normal_is_apart_from_that_of_the_base() {
             transform: glam::Affine2::IDENTITY,
         })
     };
-    // Normals that lean towards the tangent y and towards the bitangent x.
+    // Normals tilted towards the tangent y and towards the bitangent x.
     let textures = vec![texel([204, 128, 230, 255]), texel([128, 230, 204, 255])];
     let normals = |base: Option<u32>, coat: Option<u32>| {
         let mut material = clearcoated(metal("paint", Rgb::ONE, 0.3), 0.1);
@@ -379,7 +379,7 @@ fn clearcoat_normal_is_apart_from_that_of_the_base() {
         };
         parts.add(material, [sheet()]);
         let scene = Scene::new(parts);
-        // The coat is drawn by numbers below a quarter.
+        // Numbers below a quarter select the coat.
         [0.1, 0.9].map(|u| {
             let mut surface = point(&scene, 0.3, -0.2);
             scene.bsdf(&mut surface, u);
@@ -403,7 +403,7 @@ fn clearcoat_normal_is_apart_from_that_of_the_base() {
     assert_eq!(base, Vec3::Z);
 }
 
-/// Light of a brushed plate under a lamp: a table of zeros changes nothing, and a roughened picture keeps most light.
+/// Light of a brushed plate under a lamp: a table of zeros changes nothing, and roughening preserves most light.
 #[test]
 fn anisotropic_energy_with_and_without_regularisation() {
     let mut parts = SceneParts::default();

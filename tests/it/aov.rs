@@ -1,4 +1,4 @@
-//! AOVs and traced paths against the picture they belong to.
+//! AOVs and traced paths against their picture.
 
 use crate::support::render;
 use crate::support::scenes::point_light_over_plane;
@@ -31,7 +31,7 @@ fn rules() -> [Rule; 3] {
     [Rule::Plain, accumulated, Rule::Mollifier(0.1)]
 }
 
-/// The picture of passes that end at these sample numbers.
+/// The picture after passes that end at these sample numbers.
 fn picture(scene: &Scene, settings: &Settings, aovs: Option<Aovs>, passes: &[u32]) -> Picture {
     let mut picture = Picture {
         aovs,
@@ -104,7 +104,7 @@ fn aov_determinism_over_passes_and_checkpoint_numbers() {
     let timed = picture(&scene, &settings, Some(timed), &[3]).aovs.unwrap();
     let seconds = timed.time.as_ref().unwrap().seconds();
     assert!(seconds.iter().all(|&s| s > 0.0 && s < 10.0));
-    // Every set of parts is read as it was written, and only from as many numbers.
+    // Every set of parts is read as written, and only with the exact number of values.
     for bits in 1..8u32 {
         let part = Aovs {
             first: timed.first.clone().filter(|_| bits & 1 != 0),
@@ -123,7 +123,7 @@ fn aov_determinism_over_passes_and_checkpoint_numbers() {
     assert!(Aovs::from_numbers(window, Recorded::default(), &[]).is_none());
 }
 
-/// A path draws the coat, the sheen or the base. The albedo is that of the base in every sample.
+/// A sample chooses the coat, the sheen or the base; the albedo is the base's in every sample.
 #[test]
 fn aov_albedo_under_covers_has_no_noise() {
     let color = Rgb::new(0.6, 0.3, 0.1);
@@ -183,7 +183,7 @@ fn aov_centres_lie_on_their_surfaces() {
     assert!(met > 200, "{met}");
 }
 
-/// Paths traced one by one have the radiance of the ways that they draw, in parts that add up.
+/// Paths traced one by one have the radiance of the same samples in a render, and their parts add up.
 #[test]
 fn trace_of_a_pixel_equals_its_samples() {
     let mut parts = gallery::caustic_box();

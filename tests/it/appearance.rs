@@ -1,4 +1,4 @@
-//! Textures, normal maps, opacity and lights without area, against closed forms and plain geometry.
+//! Textures, normal maps, opacity and lights without area, against closed forms and geometry.
 
 use super::support::assert_likely;
 use super::support::render::{film, mean, scene};
@@ -16,7 +16,7 @@ use opsr_lab::verify::chi_square;
 use std::f32::consts::PI;
 use std::f64::consts::FRAC_PI_2;
 
-/// A picture of these texels side by side.
+/// A texture with these texels side by side.
 fn row(texels: &[[u8; 4]]) -> Texture {
     Texture {
         wrap: [Wrap::Clamp; 2],
@@ -41,7 +41,7 @@ fn mapped(corner: Vec3, u: Vec3, v: Vec3) -> Mesh {
     }
 }
 
-/// A floor of albedo ½ and a camera that sees nothing but this point of it.
+/// A floor of albedo ½ and a camera that shows only this point of it.
 fn floor(at: [f32; 3]) -> SceneParts {
     let mut parts = SceneParts::default();
     let floor = mapped(Vec3::new(-9.0, 0.0, -9.0), Vec3::Z * 18.0, Vec3::X * 18.0);
@@ -93,17 +93,17 @@ fn textures_multiply_factors() {
     assert!((glossy.alpha - 0.8 * byte(128) * byte(128)).abs() < 1e-6);
     let f0 = Rgb::splat(0.04) + (color - 0.04) * metallic;
     assert!((glossy.f0 - f0).length() < 1e-6);
-    // Drawn as often as the texture lets light through.
+    // Transmission is chosen with the probability of the texture.
     let share = transmission * (1.0 - metallic);
     assert!(matches!(at(0.0, 0.99 * share), Bsdf::Thin(t) if (t.tint - color).length() < 1e-6));
     assert!(matches!(at(0.0, 1.01 * share), Bsdf::Glossy(_)));
-    // White texels leave factors as they are.
+    // White texels do not change factors.
     assert!(matches!(at(1.0, 0.0), Bsdf::Thin(t) if t.alpha == 0.8));
     assert!(matches!(at(1.0, 0.21), Bsdf::Glossy(g) if g.albedo == Rgb::new(0.5, 0.25, 0.5)));
 }
 
-/// The coat's reflectance is specularFactor · Schlick(min(r0² · specularColorFactor, 1), 1) [KHR_materials_specular]: the
-/// factor scales it at grazing incidence too.
+/// The coat's reflectance is specularFactor · Schlick(min(r0² · specularColorFactor, 1), 1) [KHR_materials_specular]:
+/// the factor also scales it at grazing incidence.
 #[test]
 fn specular_factor_scales_the_reflectance_at_every_angle() {
     let alpha = 0.3;
@@ -125,7 +125,7 @@ fn specular_factor_scales_the_reflectance_at_every_angle() {
             let wo = glam::DVec3::new(sin, 0.0, cos).as_vec3();
             let wi = Vec3::new(-wo.x, 0.0, wo.z);
             let value = |b: Bsdf| b.eval(alpha, wo, wi).value;
-            // A black metal has F = (1 − cos)⁵, and the share of metal is linear in F.
+            // A black metal has F = (1 − cos)⁵, and the result is linear in the metalness.
             let m = (1.0 - cos).powi(5);
             let fresnel = |factor: f64, color: f64| {
                 let f0 = (0.04 * color).min(1.0);
@@ -225,14 +225,14 @@ fn normal_map_tilts_the_shading() {
             irradiance: Rgb::splat(2.0),
         });
         let [x, y, z] = [texel[0], texel[1], texel[2]].map(|c| 2.0 * f32::from(c) / 255.0 - 1.0);
-        // u runs along +Z, v along +X; green points against v.
+        // u is along +Z, v along +X; green is against v.
         let normal = Vec3::new(-scale * y, z, scale * x).normalize();
         let expected = 0.5 / PI * 2.0 * normal.dot(-light);
         assert_close(brightness(parts, 2, 4), expected.into(), "bumpy floor");
     }
 }
 
-/// A normal map that leans away from a low camera shades matt light as it does for a high one, as far as the camera sees its front.
+/// A matt normal map looks the same from a low and a high camera, if its normal faces both.
 #[test]
 fn relief_of_matt_surfaces_does_not_depend_on_the_view() {
     for (degrees, elevation) in [(40.0f32, 45.0f32), (25.0, 30.0), (15.0, 20.0)] {
@@ -255,7 +255,7 @@ fn relief_of_matt_surfaces_does_not_depend_on_the_view() {
     }
 }
 
-/// A floor under a panel of this material, two units wide and two units above.
+/// A floor under a panel of this material, at most two units wide, two units above the floor.
 fn under(material: Material, textures: Vec<Texture>, width: f32) -> SceneParts {
     let mut parts = floor([0.0; 3]);
     parts.textures = textures;
@@ -274,7 +274,7 @@ fn area_light_with_texture_and_opacity() {
         (half / whole - 0.5).abs() < 0.01,
         "by symmetry: {half} {whole}"
     );
-    // Wide texels: the blur between the two is even about the middle.
+    // Wide texels: interpolation between them is symmetric about the middle.
     let white = [255; 4];
     let picture = |dark: [u8; 4]| row(&[white, white, dark, dark]);
     let cases = [
@@ -336,7 +336,7 @@ fn environment_through_the_holes_of_a_light() {
         2.0,
     );
     parts.environment = Some(Environment::constant(Rgb::splat(0.7)));
-    // Panel and sky are as bright: the hole changes nothing.
+    // Panel and sky have the same radiance: the hole changes nothing.
     let value = brightness(parts, 8, 1024);
     assert!((value / 0.35 - 1.0).abs() < 0.01, "{value}");
 }
@@ -363,7 +363,7 @@ fn opacity_mask_from_a_texture() {
     }
 }
 
-/// P-value of directions drawn from the lights, against the density of the emission along rays; both from the origin.
+/// P-value of directions of light samples against the density of the emission along rays, both from the origin.
 fn light_sampling(parts: SceneParts) -> f64 {
     const CELLS: [usize; 2] = [20, 12];
     const COUNT: u32 = 200_000;
@@ -452,7 +452,7 @@ fn light_density_of_lights_without_area_is_a_probability() {
     assert!(seen.iter().all(|p| [0.25, 0.75].contains(p)), "{seen:?}");
 }
 
-/// Nothing in a white surrounding.
+/// An empty scene in a white environment.
 fn white() -> SceneParts {
     SceneParts {
         environment: Some(Environment::constant(Rgb::ONE)),
@@ -460,7 +460,7 @@ fn white() -> SceneParts {
     }
 }
 
-/// Balls of few facets with smooth normals, and no light lost at their edges: a white surrounding shows nothing of them.
+/// Balls of few facets with smooth normals lose no light at their edges: they are invisible in a white environment.
 #[test]
 fn white_furnace_of_coarse_balls_shows_no_rim() {
     let materials = [
@@ -490,7 +490,7 @@ fn white_furnace_of_coarse_balls_shows_no_rim() {
     }
 }
 
-/// The edge of the shadow on a ball of few facets is where it is on a ball of many: the sun shines from the side.
+/// The shadow on a ball of few facets begins where it does on a ball of many facets; the sun is at the side.
 #[test]
 fn shadow_of_a_coarse_ball_begins_where_that_of_a_fine_one_does() {
     let mesh = |rows: u32| {
@@ -525,10 +525,10 @@ fn shadow_of_a_coarse_ball_begins_where_that_of_a_fine_one_does() {
         });
         film(&scene(parts), Rule::Plain, 32, 64, 7).mean()
     };
-    // A triangle that hides light from itself would leave 0.79 and 0.82 of it, and 130 and 66 dark pixels.
+    // Self-shadowing by triangles would leave 0.79 and 0.82 of the light, and 130 and 66 dark pixels.
     for (rows, towards) in [(5, 0.0), (8, 0.2)] {
         let (fine, coarse) = (ball(48, towards), ball(rows, towards));
-        // Without the ball's outline, where the coarse one is not.
+        // Without the outline, at which the coarse ball is smaller.
         let inner = fine.pixels.iter().enumerate().filter(|(i, _)| {
             let at = Vec2::new((i % 32) as f32, (i / 32) as f32) - 15.5;
             at.length() < 12.5
@@ -544,8 +544,8 @@ fn shadow_of_a_coarse_ball_begins_where_that_of_a_fine_one_does() {
     }
 }
 
-/// Ripples of 10 degrees by a normal map, seen from low above them: a mirror loses nothing, and water reflects by Fresnel at the
-/// normal that its mirror direction allows.
+/// Ripples of 10 degrees in a normal map, from a low camera: a mirror loses nothing. Water has Fresnel's reflectance
+/// for the normal that keeps the mirror direction above the surface.
 #[test]
 fn ripples_seen_from_low_are_not_black() {
     let slope = |i: usize| 10f64.to_radians() * (4.0 * FRAC_PI_2 * i as f64 / 256.0).sin();
@@ -564,7 +564,7 @@ fn ripples_seen_from_low_are_not_black() {
     for degrees in [5.0f64, 10.0, 20.0] {
         let elevation = degrees.to_radians();
         let least = 0.01f64.min(0.9 * elevation.sin()).asin();
-        // A normal that leans away by t shows the mirror image at the elevation less 2t.
+        // A normal tilted away by t mirrors the elevation less 2t.
         let away = |t: f64| t.min(0.5 * (elevation - least));
         let water = (0..256)
             .map(|i| fresnel(FRAC_PI_2 - elevation + away(slope(i))))
@@ -583,7 +583,7 @@ fn ripples_seen_from_low_are_not_black() {
             let mut plane = mapped(Vec3::new(-1.0, 0.0, -1.0), 2.0 * Vec3::Z, 2.0 * Vec3::X);
             plane.uvs.iter_mut().for_each(|uv| uv.x *= 10.0);
             parts.add(sea, [plane]);
-            // Six ripples of the plane fill the picture from below to above.
+            // Six ripples of the plane fill the height of the picture.
             let (sin, cos) = (elevation.sin() as f32, elevation.cos() as f32);
             let high = (1.2 * sin / 1000.0).to_degrees();
             parts.add_camera([0.0, 1000.0 * sin, 1000.0 * cos], [0.0; 3], high);

@@ -1,4 +1,4 @@
-//! The room table at the top of `src/lib.rs` as an assertion: a room uses only rooms below its own.
+//! The table of rooms at the top of `src/lib.rs` as an assertion: a room uses only rooms below it.
 
 use crate::support::root;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// A folder of source, and its rooms from bottom to top; each may use those before it.
 type Rooms = (&'static str, &'static [&'static str]);
 
-/// Rooms of the crates. Cargo refuses circles of crates.
+/// Rooms of the crates. Cargo itself refuses cycles of crates.
 #[rustfmt::skip]
 const ROOMS: &[Rooms] = &[
     ("src", &["memory", "files", "math", "sampler", "regularise", "bsdf", "image", "scene", "integrator", "resolve", "pilot", "render", "facade"]),
@@ -14,7 +14,7 @@ const ROOMS: &[Rooms] = &[
     ("crates/train/src", &["manifest", "reference", "record", "evaluate", "learn", "score"]),
 ];
 
-/// Rooms inside of a room, in the same order.
+/// Rooms inside a room, in the same order.
 const INNER: &[Rooms] = &[(
     "integrator",
     &[
@@ -27,16 +27,17 @@ const INNER: &[Rooms] = &[(
     ],
 )];
 
-/// A source text with comments and test modules blanked out, lines kept.
+/// A source text without comments and test modules; the lines are kept, blank.
 pub(crate) fn stripped(text: &str) -> String {
     let mut kept = String::new();
-    // The line that ends a test module, and whether its first line is yet to come.
+    // The line that ends a test module, and true until its first line was read.
     let mut tests: Option<(String, bool)> = None;
     for line in text.lines() {
         if line.trim() == "#[cfg(test)]" {
             tests = Some((line.replace("#[cfg(test)]", "}"), true));
         } else if let Some((end, starts)) = &mut tests {
-            // A test module ends with a brace at the indentation of its attribute; one in a file of its own is a line.
+            // A test module ends with a brace at the indentation of its attribute; a test module in another file is a
+            // single line.
             let in_a_file = *starts && line.ends_with(';');
             *starts &= line.trim().starts_with("#[");
             if in_a_file || line == end {
@@ -70,7 +71,7 @@ fn heads(group: &str) -> Vec<&str> {
     heads
 }
 
-/// A path from the root of the crate, without `crate` or `opsr`; `None` for a path that is not ours.
+/// A path from the crate's root, without `crate` or `opsr`; `None` for another crate.
 fn resolved<'a>(path: &'a str, module: &[&'a str]) -> Option<Vec<&'a str>> {
     let mut names = path.split("::").filter(|name| !name.is_empty()).peekable();
     let mut base = match names.next()? {
@@ -86,7 +87,7 @@ fn resolved<'a>(path: &'a str, module: &[&'a str]) -> Option<Vec<&'a str>> {
     Some(base)
 }
 
-/// The uses in a file of a folder that break its table: one line each.
+/// The uses in a file that break its folder's table, one line each.
 fn faults((folder, rooms): Rooms, file: &str, text: &str) -> Vec<String> {
     let module = file.trim_end_matches(".rs").trim_end_matches("/mod");
     let module: Vec<&str> = module.split('/').collect();
@@ -133,7 +134,7 @@ fn faults((folder, rooms): Rooms, file: &str, text: &str) -> Vec<String> {
     faults
 }
 
-/// Every source file below `folder`, test modules in files of their own left out.
+/// Every source file below `folder`, except test modules in files of their own.
 pub(crate) fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).expect("a folder") {
         let path = entry.expect("an entry").path();
@@ -170,7 +171,7 @@ fn architecture_rooms_use_only_rooms_below_them() {
     );
 }
 
-/// Words of what is between the vertices of a path, or changes along it.
+/// Names for what lies between the vertices of a path or changes along it.
 const WALKED: &[&str] = &[
     "EnclosingBodies",
     "Channel",
@@ -184,11 +185,11 @@ const WALKED: &[&str] = &[
     "dispersion",
 ];
 
-/// Words of a refusal.
+/// Names that occur in a refusal.
 const ASKED: &[&str] = &["overlaps", "bodies", "dispersion"];
 
-/// Files outside of the walk that name them: what a scene has, what an integrator refuses, and other programs' checks.
-/// `refraction_scale` is the BSDF's, and a light walk's flux along a Dirac lobe needs it.
+/// Other files that may use these names: scene data, refusals of integrators, and checks of other programs.
+/// `refraction_scale` belongs to the BSDF, and the flux of a light walk along a Dirac lobe needs it.
 const MAY_NAME: &[(&str, &[&str])] = &[
     ("scene/", WALKED),
     ("bsdf/", &["refraction_scale"]),
@@ -199,7 +200,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("pilot/", ASKED),
 ];
 
-/// Words of [`WALKED`] in a file that may not name them.
+/// Names of [`WALKED`] in a file that may not use them.
 fn walked(file: &str, text: &str) -> Vec<&'static str> {
     let text = stripped(text);
     let words: std::collections::HashSet<&str> = text
@@ -292,12 +293,12 @@ fn architecture_check_sees_every_form_of_import() {
             "{found:?}"
         );
     }
-    // The text after a test module in a file of its own counts.
+    // Text after the declaration of a test module in another file counts.
     let text = "#[cfg(test)]\nmod tests;\nuse crate::render::Spec;\n";
     assert_eq!(faults(ROOMS[0], "scene/mod.rs", text).len(), 1);
 }
 
-/// A package holds no file from outside of its folder, and links do not survive every way that a tree is copied.
+/// A package has no files from outside its folder, and symbolic links do not survive every way to copy a tree.
 #[test]
 fn architecture_crate_of_tables_holds_copies_of_tables_and_licences() {
     let root = root();

@@ -1,4 +1,4 @@
-//! Backs of surfaces that show their front alone: the camera looks through them, light does not.
+//! Single-sided surfaces: the camera sees through their backs, light does not pass.
 
 use super::support::render::{film_with, mean, scene};
 use opsr::integrator::{Estimator, Settings};
@@ -28,12 +28,12 @@ fn room(double_sided: bool) -> Scene {
 #[test]
 fn camera_looks_through_backs_of_single_sided_surfaces() {
     let picture = |double_sided| film_with(&room(double_sided), &Settings::default(), 16, 16);
-    // Nothing lights the walls from outside.
+    // No light reaches the walls from outside.
     assert_eq!(mean(&picture(true)).0, 0.0);
     assert!(mean(&picture(false)).0 > 0.1);
 }
 
-/// Light is where the walls keep it, whichever end paths begin at: light tracing sees through the walls as the camera does.
+/// Walls block light from both sides for all estimators, and light tracing connects to the camera through their backs.
 #[test]
 fn bidirectional_paths_see_through_the_same_backs() {
     let room = room(false);

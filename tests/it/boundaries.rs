@@ -1,4 +1,4 @@
-//! Meshes that should bound a body and do not, and open ones that do.
+//! Meshes that fail to bound a body, and open meshes that do bound one.
 
 use super::support::render::{film_with, mean};
 use opsr::integrator::Settings;
@@ -9,7 +9,7 @@ use opsr::scene::{Environment, Mesh, Scene, SceneParts};
 use opsr_lab::gallery::shapes::{cuboid, quad, sphere};
 use opsr_lab::gallery::{builtin, glb, names};
 
-/// These bodies of glass under a white sky, seen from `eye`.
+/// Glass bodies under a white sky, seen from `eye`.
 fn under_sky(bodies: impl IntoIterator<Item = Mesh>, eye: [f32; 3]) -> SceneParts {
     let mut parts = SceneParts::default();
     parts.add(glass("glass", 1.5, 0.0), bodies);
@@ -27,7 +27,7 @@ fn inside_out(mut mesh: Mesh) -> Mesh {
     mesh
 }
 
-/// Everything is white under a white sky, from both sides.
+/// Under a white sky everything is white, from both sides.
 #[test]
 fn pane_with_a_thickness_is_a_thin_wall() {
     for z in [4.0, -4.0] {
@@ -42,7 +42,7 @@ fn pane_with_a_thickness_is_a_thin_wall() {
     }
 }
 
-/// One of two meshes of a material: the other keeps its thickness.
+/// Only one of two meshes of a material is turned inside out: the other keeps its thickness.
 #[test]
 fn body_inside_out_is_a_thin_wall_and_its_neighbour_stays_a_body() {
     let turned = inside_out(sphere(Vec3::new(-1.0, 0.0, 0.0), 0.5, 3));
@@ -60,7 +60,7 @@ fn body_inside_out_is_a_thin_wall_and_its_neighbour_stays_a_body() {
     assert_eq!([solid(0), solid(1)], [false, true]);
 }
 
-/// The surface of a pool ends at its walls, and a cavity's normals point into it.
+/// The surface of a pool ends at its walls, and normals of a cavity point into it: both bound bodies.
 #[test]
 fn open_and_turned_meshes_that_bound_bodies_stay_what_they_are() {
     for name in names() {
@@ -73,7 +73,7 @@ fn open_and_turned_meshes_that_bound_bodies_stay_what_they_are() {
     ];
     let scene = Scene::new(under_sky(hollow, [0.0, 0.0, 6.0]));
     assert_eq!(scene.warnings(), &[] as &[String]);
-    // Two sides of two primitives.
+    // A closed box of two primitives.
     let mut box_of_two = cuboid(-Vec3::ONE, Vec3::ONE);
     let mut rest = box_of_two.clone();
     box_of_two.indices.truncate(4);
@@ -82,7 +82,7 @@ fn open_and_turned_meshes_that_bound_bodies_stay_what_they_are() {
     assert_eq!(scene.warnings(), &[] as &[String]);
 }
 
-/// A few turned triangles look as if everything near them lay in a body.
+/// Near a few reversed triangles every point seems to lie in a body.
 #[test]
 fn turned_triangles_are_named_and_are_no_overlap() {
     let mut ball = sphere(Vec3::ZERO, 1.0, 3);
@@ -99,14 +99,14 @@ fn turned_triangles_are_named_and_are_no_overlap() {
     );
     assert!(scene.parts().materials[0].solid);
     assert!(!scene.features().overlaps);
-    // A body that overlaps is found all the same.
+    // A real overlap is still found.
     let mut parts = under_sky([ball], [0.0, 0.0, 6.0]);
     let other = sphere(Vec3::new(1.0, 0.0, 0.0), 0.5, 3);
     parts.add(glass("other", 1.3, 0.0), [other]);
     assert!(Scene::new(parts).features().overlaps);
 }
 
-/// A warning says where the mesh stands in its file.
+/// A warning gives the mesh's place in its file.
 #[test]
 fn warning_names_the_mesh_of_the_file() {
     let mut parts = under_sky([pane()], [0.0, 0.0, 4.0]);

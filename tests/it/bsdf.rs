@@ -35,7 +35,7 @@ fn reciprocity_and_other_invariants() {
     holds(sampling::invariants(Size::Small));
 }
 
-/// A walk from the light arrives along a direction that a walk from the camera would have sampled.
+/// A walk from the light arrives along a direction as a walk from the camera samples it.
 #[test]
 fn chi_square_of_the_reverse_draw() {
     let mut rng = rng(105);
@@ -77,7 +77,7 @@ fn chi_square_rejects_a_wrong_density() {
                 for side in [1.0, -1.0] {
                     let (bsdf, wo) = (*bsdf, at(45.0) * side);
                     let test = DensityTest { bsdf, alpha, wo };
-                    // A roughness 5 % off; more where nine samples of ten are of the diffuse base.
+                    // A roughness wrong by 5 %, or more where nine of ten samples are from the diffuse base.
                     let wrong = if *name == "plastic" { 1.3 } else { 1.05 };
                     let p = test.p_value_of(80_000, || {
                         let u = numbers(&mut rng);
@@ -88,7 +88,7 @@ fn chi_square_rejects_a_wrong_density() {
             }
         }
     }
-    // The textbook's sin = √(1 − cos²) in single precision.
+    // The textbook's sin = √(1 − cos²), which is inaccurate in single precision.
     let (alpha, wo) = (2e-3f32, Vec3::Z);
     let bsdf = metal(alpha, Distribution::Beckmann);
     let p = DensityTest { bsdf, alpha, wo }.p_value_of(40_000, || {
@@ -107,15 +107,15 @@ fn pdf_integrates_to_at_most_one() {
     const THETA: usize = 200;
     const PHI: usize = 400;
     for distribution in DISTRIBUTIONS {
-        // Sharper lobes need the grid of the chi-square test, which checks their integral too.
+        // Sharper lobes need the grid of the chi-square test, which also checks their integral.
         for alpha in [0.0, 0.1, 0.3, 1.0] {
             for (name, bsdf) in kinds(alpha, distribution) {
                 for (degrees, side) in [(0.0, 1.0), (45.0, -1.0), (60.0, 1.0), (85.0, -1.0)] {
                     let from = at(degrees) * side;
                     let mut integral = 0.0;
                     for i in 0..THETA * PHI {
-                        // Denser towards the poles, with a weight that vanishes there: the midpoint rule then
-                        // resolves lobes around the normal.
+                        // Points are denser towards the poles, with a weight that vanishes there, so that the midpoint
+                        // rule resolves lobes around the normal.
                         let t = ((i / PHI) as f64 + 0.5) / THETA as f64;
                         let theta = PI * t - 0.5 * (TAU * t).sin();
                         let dtheta = PI * (1.0 - (TAU * t).cos()) / THETA as f64;
@@ -189,7 +189,7 @@ fn sample_is_direction_and_completion_with_the_value_of_eval() {
                     let u = numbers(&mut rng);
                     let sample = bsdf.sample(alpha, wo, u);
                     let drawn = bsdf.direction(alpha, wo, u);
-                    // Draws that share their numbers, of another roughness first.
+                    // Samples that share their numbers, first at another roughness.
                     let shared = SharedNumbers::new(u);
                     for alpha in [0.3, alpha] {
                         let alone = bsdf.direction(alpha, wo, u);
@@ -209,8 +209,8 @@ fn sample_is_direction_and_completion_with_the_value_of_eval() {
     }
 }
 
-/// Relative difference allowed to values of one lobe for swapped directions: half vectors differ in the last bits, which
-/// a sharp lobe magnifies by 1/α.
+/// Relative difference allowed between values of one lobe for swapped directions: half vectors differ in the last bits,
+/// which a sharp lobe magnifies by 1/α.
 fn reciprocity_tolerance(alpha: f32) -> f32 {
     3e-4 + 3e-6 / alpha
 }
@@ -250,8 +250,8 @@ fn reciprocity_of_eval() {
     assert!(compared[0] > 50_000 && compared[1] > 10_000, "{compared:?}");
 }
 
-/// A walk from the light carries flux, which refraction does not scale: f(wo, wi) |cos θo| over the density of the
-/// reverse draw is the weight of that draw, times (ηₒ/ηᵢ)² for transmission.
+/// A walk from the light carries flux, which refraction does not scale. So f(wo, wi) |cos θo| over the density of the
+/// reverse sample is the weight of that sample, times (ηₒ/ηᵢ)² for transmission.
 #[test]
 fn adjoint_weight_of_the_reverse_draw() {
     let mut rng = rng(117);
@@ -273,7 +273,7 @@ fn adjoint_weight_of_the_reverse_draw() {
                     let flux = s.weight * scale;
                     let say = || format!("{name} {distribution:?} {alpha} {wi:?} {wo:?}: {flux}");
                     if s.delta {
-                        // The delta lobe of the same kind leads back, with the same flux.
+                        // The delta lobe of the same kind leads back with the same flux.
                         let back = (0..1000)
                             .filter_map(|i| bsdf.sample(alpha, wo, [i as f32 / 1000.0, 0.5, 0.5]))
                             .find(|back| back.delta && back.lobe == s.lobe)
@@ -359,7 +359,7 @@ fn coat_is_selected_by_its_reflectance() {
     }
 }
 
-/// Light that a surface reflects and transmits on the whole, from `n` draws.
+/// Total light that a surface reflects and transmits, from `n` samples.
 fn scattered(bsdf: &Bsdf, alpha: f32, wo: Vec3, n: usize) -> [Rgb; 2] {
     let mut rng = rng(150);
     let mut sums = [Rgb::ZERO; 2];
@@ -401,7 +401,7 @@ fn translucent_surface_reflects_and_transmits_what_it_says() {
             near(transmitted, (1.0 - f) * back);
         }
     }
-    // Nothing transmitted is the surface as it was; what would gain energy is scaled to none.
+    // Without transmission the surface is unchanged; a surface that would gain energy is scaled.
     assert!(matches!(translucent(base, Rgb::ZERO), Bsdf::Diffuse(_)));
     let bright = translucent(base, Rgb::ONE).reflectance();
     assert!((bright.max_element() - 1.0).abs() < 1e-6, "{bright}");

@@ -8,7 +8,7 @@ use opsr_lab::verify::chaos::{agree, modes, run, trial};
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
-/// Trials of half a minute on two cores.
+/// Trials that take half a minute on two cores.
 const COUNT: u64 = 150;
 
 #[test]
@@ -32,7 +32,7 @@ fn chaos_draws_every_mode() {
     assert_eq!(drawn, all);
 }
 
-/// Longer paths are brighter; a trial's number says all of it.
+/// Longer paths are brighter, which must be detected; the seed determines a trial.
 #[test]
 fn chaos_sees_pictures_that_differ() {
     let scene = Scene::new(cornell_box());

@@ -1,17 +1,17 @@
-//! Files that use one another, directly or by way of others: circles of more than two are listed, and none may grow.
+//! Files that use one another, directly or indirectly: cycles of more than two files are listed, and none may grow.
 
 use crate::architecture::{sources, stripped};
 use crate::support::root;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Circles of more than two files by folder. A circle that was cured leaves the list, and so does a file that leaves its circle.
+/// Cycles of more than two files by folder. A cycle or file that is no longer part of one must leave the list.
 #[rustfmt::skip]
 const CIRCLES: &[(&str, &[&str])] = &[
     ("src", &["bsdf", "bsdf::clearcoated", "bsdf::film"]),
     ("src", &["scene", "scene::camera", "scene::features", "scene::finish", "scene::framing", "scene::geometry", "scene::instances", "scene::lamp", "scene::light", "scene::light::area", "scene::light::emission", "scene::light::many", "scene::light::punctual", "scene::material", "scene::medium", "scene::mesh", "scene::normals", "scene::parts", "scene::sensor"]),
 ];
 
-/// Folders whose files are looked at.
+/// Folders whose files are checked.
 const FOLDERS: [&str; 8] = [
     "src",
     "crates/cli/src",
@@ -23,7 +23,7 @@ const FOLDERS: [&str; 8] = [
     "crates/view/src",
 ];
 
-/// A path of a `use`, the name that it gives, and whether other files see the name.
+/// A path of a `use`, the name that it introduces, and true if the name is public.
 struct Import {
     path: String,
     name: String,
@@ -58,7 +58,7 @@ fn add_trees(prefix: &str, trees: &str, public: bool, found: &mut Vec<Import>) {
     }
 }
 
-/// Imports of a file, and its text without them, modules and scopes of visibility.
+/// Imports of a file, and its text without imports, module declarations and visibility scopes.
 fn parted(text: &str) -> (Vec<Import>, String) {
     let (mut imports, mut body) = (Vec::new(), String::new());
     for statement in text.split_inclusive(';') {
@@ -76,12 +76,12 @@ fn parted(text: &str) -> (Vec<Import>, String) {
     (imports, body)
 }
 
-/// Words of letters, digits and `_`, with colons where `paths`.
+/// Words of letters, digits and `_`, and with `paths` also colons.
 fn words(text: &str, paths: bool) -> impl Iterator<Item = &str> {
     text.split(move |c: char| !(c.is_alphanumeric() || c == '_' || paths && c == ':'))
 }
 
-/// Files of a crate by the path of their module; the root's is empty.
+/// Files of a crate by the path of their module, which is empty for the root.
 #[derive(Default)]
 struct Files(BTreeMap<Vec<String>, (Vec<Import>, String)>);
 
@@ -93,7 +93,7 @@ impl Files {
         self.0.insert(module.collect(), parted(&stripped(text)));
     }
 
-    /// The file in which the last name of a path stands that is one, past re-exports; `None` for a path of another crate.
+    /// The file of the last module in a path, past re-exports; `None` for a path of another crate.
     fn find(&self, module: &[String], path: &str, depth: u32) -> Option<Vec<String>> {
         let mut names = path.split("::").filter(|n| !n.is_empty()).peekable();
         let mut at = module.to_vec();
@@ -125,7 +125,7 @@ impl Files {
         self.0.contains_key(&at).then_some(at)
     }
 
-    /// Files that a file uses. A name that is handed on alone is not used.
+    /// Files that a file uses. A name that is only re-exported is not used.
     fn used(&self, module: &[String]) -> BTreeSet<Vec<String>> {
         let (imports, body) = &self.0[module];
         let own: BTreeSet<&str> = words(body, false).collect();
@@ -140,7 +140,7 @@ impl Files {
         files.filter(|file| file != module).collect()
     }
 
-    /// Circles of more than two files, each in order.
+    /// Cycles of more than two files, each sorted.
     fn circles(&self) -> BTreeSet<Vec<String>> {
         let uses: BTreeMap<_, _> = self.0.keys().map(|file| (file, self.used(file))).collect();
         let reached = |from: &Vec<String>| {
@@ -220,7 +220,7 @@ fn architecture_circles_are_found_in_every_form_of_import() {
             assert_eq!(found, ["a::b a::c d"], "{c} {d}");
         }
     }
-    // A test, a comment, a visibility and another crate's module of that name are no uses.
+    // A test, a comment, a visibility scope and another crate's module of that name are no uses.
     for d in [
         "#[cfg(test)]\nmod tests {\n    use crate::a::Bee;\n}\n",
         "// crate::a::Bee",

@@ -1,4 +1,4 @@
-//! Clear coats: what they add up to, who keeps what, and which roughness a path remembers.
+//! Clear coats: energy, textures, and the roughness that a path stores.
 
 use super::support::render::scene;
 use crate::bsdf::numbers;
@@ -14,7 +14,7 @@ use opsr::scene::{Scene, SceneParts, Texture, TextureRef};
 use opsr_lab::gallery::shapes::quad;
 use opsr_lab::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal as mirror, plastic};
 
-/// Coat and base of a surface, each with its chance.
+/// Coat and base of a surface, each with its probability.
 fn both(coat: f32, alpha: f32, distribution: Distribution, base: Bsdf) -> [(f32, Bsdf); 2] {
     let chance = 0.25 * coat;
     [(0.0, chance), (0.99, 1.0 - chance)]
@@ -79,7 +79,7 @@ fn reciprocity_and_value_of_clearcoat_over_base() {
     assert!(compared > 25_000, "{compared}");
 }
 
-/// A smooth coat over a mirror keeps everything, a white base under it loses what the coat does not return.
+/// A smooth coat over a mirror preserves all energy; over a white base it loses light that the coat reflects back.
 #[test]
 fn white_furnace_of_smooth_clearcoats() {
     let mut rng = rng(410);
@@ -128,7 +128,7 @@ fn clearcoat_textures_scale_weight_and_roughness() {
     let ray = Ray::new(Vec3::new(0.3, 1.0, 0.3), Vec3::NEG_Y);
     let hit = scene.intersect(&ray).expect("the floor");
     let bsdf = |u| scene.bsdf(&mut scene.surface(&hit), u);
-    // A weight of 0.2 is drawn with a chance of 0.05.
+    // A weight of 0.2 is chosen with a probability of 0.05.
     assert!(matches!(bsdf(0.0499), Bsdf::Glossy(_)));
     let alpha = 0.8 * (128.0f32 / 255.0).powi(2);
     assert!((bsdf(0.0499).alpha() - alpha).abs() < 1e-6);
@@ -136,7 +136,7 @@ fn clearcoat_textures_scale_weight_and_roughness() {
     assert_eq!(bsdf(0.0501).alpha(), 0.3);
 }
 
-/// Roughnesses that paths remember.
+/// Records the roughnesses that paths store.
 #[derive(Default)]
 struct Scattered(Vec<f32>);
 

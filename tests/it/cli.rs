@@ -1,4 +1,4 @@
-//! The program: exit codes, messages, and files that are whole or unchanged.
+//! The program: exit codes, messages, and files that are complete or unchanged.
 
 mod auto;
 mod broken;
@@ -33,7 +33,7 @@ use tempfile::TempDir;
 /// A folder in which the program runs.
 pub(crate) struct Place(TempDir);
 
-/// End of a run.
+/// Exit code and texts of a run.
 pub(crate) struct Ended {
     pub(crate) code: Option<i32>,
     pub(crate) out: String,
@@ -52,7 +52,7 @@ impl Ended {
         ended
     }
 
-    /// Fails unless the program did what it was asked.
+    /// Fails unless the program succeeded.
     pub(crate) fn done(self) -> Self {
         assert_eq!(self.code, Some(0), "{}{}", self.out, self.err);
         self
@@ -83,7 +83,7 @@ impl Place {
         std::fs::read(self.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
-    /// Every file and what is in it; folders have nothing in them.
+    /// The files with their contents; folders are empty.
     pub(crate) fn files(&self) -> BTreeMap<String, Vec<u8>> {
         self.files_in("")
     }
@@ -102,7 +102,7 @@ impl Place {
         out
     }
 
-    /// Runs the program where files end after this many bytes, a multiple of 512: writing fails as on a full disk.
+    /// Runs the program with a limit on file sizes in bytes, a multiple of 512: writing fails as on a full disk.
     #[cfg(unix)]
     pub(crate) fn opsr_on_a_full_disk(&self, bytes: u64, args: &str) -> Ended {
         let (program, blocks) = (env!("CARGO_BIN_EXE_opsr"), bytes / 512);
@@ -112,7 +112,7 @@ impl Place {
         Ended::of(shell.args(["-c", &script]).output().expect("a shell"))
     }
 
-    /// The program in this folder, with few threads and its own words only.
+    /// The program in this folder, with few threads and without log settings of the environment.
     pub(crate) fn command(&self, program: &str) -> Command {
         let mut command = Command::new(program);
         command.current_dir(self.path());
@@ -128,19 +128,19 @@ impl Place {
         Ended::of(command.output().expect("the program"))
     }
 
-    /// Runs the program until a file is there, then asks it to stop as Ctrl-C does.
+    /// Runs the program until a file exists, then interrupts it as Ctrl-C does.
     #[cfg(unix)]
     pub(crate) fn interrupted(&self, args: &str, file: &str) -> Ended {
         self.signalled("INT", args, file)
     }
 
-    /// Runs the program until a file is there, then sends it a signal.
+    /// Runs the program until a file exists, then sends it a signal.
     #[cfg(unix)]
     pub(crate) fn signalled(&self, signal: &str, args: &str, file: &str) -> Ended {
         self.meanwhile(signal, args, file, || {})
     }
 
-    /// Runs the program until a file is there, does something beside it, then sends it a signal.
+    /// Runs the program until a file exists, calls `beside`, then sends it a signal.
     #[cfg(unix)]
     pub(crate) fn meanwhile(
         &self,

@@ -58,13 +58,13 @@ fn bench_finds_planted_differences_and_no_others() {
     let bright = summary_of(&all, "bright");
     assert!(bright.energy_is_off() && bright.energy.unwrap().holds(1.02));
     let floor = bright.floor().unwrap();
-    // 0.02² f²/(f² + 0.01), f near ½.
+    // The floor 0.02² f²/(f² + 0.01), for f near ½.
     assert!((floor / 3.84e-4 - 1.0).abs() < 0.25, "{floor}");
     assert!(matches!(
         bright.crossing,
         Some(Crossing::Extrapolated(t)) if t > 20.0
     ));
-    // What is a tie crosses by chance only; what is quieter and without bias is never overtaken.
+    // A tie crosses by chance only; a quieter method without bias is never overtaken.
     assert_eq!(summary_of(&all, "twin").crossing, Some(Crossing::Undecided));
     assert_eq!(
         summary_of(&all, "quiet").crossing,
@@ -186,7 +186,7 @@ fn bench_resume_keeps_measured_runs() {
     assert_eq!(samples, [1, 2, 5]);
     assert_eq!(all.cells[0].paths, 5 * 256);
 
-    // A table of zeros is plain path tracing to the bit, so is its error.
+    // A table of zeros is bit-identical to plain path tracing, and so is its error.
     let scenes = summary::summaries(&all);
     let (ratio, verdict) = summary_of(&scenes, "twin").metrics[0]
         .1
@@ -204,7 +204,7 @@ fn bench_resume_keeps_measured_runs() {
         assert!((products.values[row][row] / error - 1.0).abs() < 1e-4);
     }
 
-    // Nothing is measured again; a method more adds its runs only; a new time point measures all anew.
+    // Nothing is measured twice, a further method adds only its own runs, and a new time point repeats all runs.
     let (again, _) = go(&suite, usize::MAX);
     assert_eq!(again, all);
     let more = Suite::parse(&format!(
@@ -224,7 +224,7 @@ fn bench_resume_keeps_measured_runs() {
     );
 }
 
-/// Levels and pilots are measured as a user gets them, with the time that they take.
+/// Levels and pilots are measured as in a render, with the time that they take.
 #[test]
 fn bench_measures_levels_pilots_and_environments() {
     let folder = tempfile::tempdir().unwrap();
@@ -260,7 +260,7 @@ fn bench_measures_levels_pilots_and_environments() {
     assert!(levels.errors["error map rank"].abs() <= 1.0);
     assert!(!plain.errors.contains_key("error map ratio"));
     assert!(pilot.errors != plain.errors);
-    // A pilot's time is in every point; who has none pays for none.
+    // A pilot's time is in every point; methods without a pilot have none.
     let [piloted, alone] = ["pilot", "plain"].map(|m| results.runs("box", m)[0]);
     assert!(piloted.pilot > 0.0 && alone.pilot == 0.0);
     assert!(piloted.points.iter().all(|p| p.cpu > 0.999 * piloted.pilot));
@@ -268,7 +268,7 @@ fn bench_measures_levels_pilots_and_environments() {
     assert!(!text.contains("\"pilot\":"), "{text}");
     let text = summary::text(&results);
     assert!(text.contains("error map"), "{text}");
-    // Another sky, another scene: everything is measured anew.
+    // Another sky is another scene: everything is measured again.
     let lit = go("environment = 'sky.hdr'");
     assert_ne!(lit.scenes[0].source, results.scenes[0].source);
     assert!(last(&lit, "plain").errors != plain.errors);
@@ -308,7 +308,7 @@ fn bench_references_are_cached_or_given() {
         same.inset("box", None).unwrap().picture().unwrap(),
         reference
     );
-    // A picture of the whole frame is cut to the crop; one of another size is refused.
+    // A picture of the whole frame is cut to the crop; a picture of another size is an error.
     let whole = folder.path().join("whole.exr");
     let picture = Buffer::from_fn(24, 16, |x, _| Rgb::splat(x as f32));
     exr::write_rgb(&whole, &picture, &exr::Metadata::new()).unwrap();
@@ -348,7 +348,7 @@ fn bench_convergence_of_plain_errors_is_one_over_samples() {
     let [few, many] = main("plain");
     let slope = (many / few).ln() / (256f64 / 4.0).ln();
     assert!((slope + 1.0).abs() < 0.05, "{slope}");
-    // The same method under another name is another run with the same errors.
+    // The same method under another name has its own runs with equal errors.
     assert_eq!(results.cells.len(), 6);
     assert_eq!(main("again"), [few, many]);
 }
@@ -365,7 +365,7 @@ fn bench_committed_suites_name_existing_files() {
                 assert!(file.exists(), "{name}: {}", file.display());
             }
         }
-        // The manifest may move crops and depths; the suites must follow.
+        // If crops and depths change in the manifest, the suites must follow.
         let path = root.join("training_scenes/manifest.toml");
         let manifest = opsr_train::manifest::Manifest::load(&path).unwrap();
         for scene in suite.scenes.iter().filter(|s| s.reference.is_some()) {
@@ -388,7 +388,7 @@ fn bench_committed_suites_name_existing_files() {
     }
 }
 
-/// A table by its name in a suite, as `opsr render --opsr-table` takes it; a file of that name goes first.
+/// A suite may name a table of the program, as `opsr render --opsr-table` does; a file of that name takes precedence.
 #[test]
 fn table_of_a_suite_may_be_named() {
     let folder = crate::support::quick_folder();
@@ -404,7 +404,7 @@ fn table_of_a_suite_may_be_named() {
     assert_eq!(table().spec.table, named(&folder.path().join("beta-0.001")));
 }
 
-/// Bodies overlap, which manifold sampling does not know: it is marked, and the others are measured.
+/// Bodies overlap, which manifold sampling does not support: its runs are marked, and the others are measured.
 #[test]
 fn bench_leaves_out_a_method_that_a_scene_refuses() {
     let folder = tempfile::tempdir().unwrap();
@@ -434,7 +434,7 @@ fn bench_leaves_out_a_method_that_a_scene_refuses() {
         panic!("{:?}", results.refused("balls"));
     };
     assert!(why.contains("overlap"), "{why}");
-    // In the file, the table and the page.
+    // The reason is in the file, the table and the page.
     let results = Results::load(&path).unwrap();
     let text = summary::text(&results);
     assert!(

@@ -1,4 +1,4 @@
-//! Results of benches whose truth is known.
+//! Results of benches with known truth.
 
 use opsr::image::Buffer;
 use opsr::math::Rgb;
@@ -7,7 +7,7 @@ use opsr_lab::report::bench::errors::error_products;
 use opsr_lab::report::bench::machine::Machine;
 use opsr_lab::report::bench::results::{Inset, Point, Products, Results, Run, SceneFacts, VERSION};
 
-/// Uniform in [−1, 1) by (seed, salt).
+/// Uniform in [−1, 1), a hash of (seed, salt).
 fn wobble(seed: u64, salt: u64) -> f64 {
     let mut x = seed
         .wrapping_mul(0x9e37_79b9_7f4a_7c15)
@@ -19,7 +19,7 @@ fn wobble(seed: u64, salt: u64) -> f64 {
     (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// A method as it is planted: relMSE(t) = noise/t + floor; seconds per sample; light lost.
+/// A planted method: relMSE(t) = noise/t + floor, seconds per sample, and the ratio of its energy.
 pub(crate) struct Planted {
     pub(crate) name: &'static str,
     pub(crate) noise: f64,
@@ -38,7 +38,7 @@ pub(crate) fn planted(name: &'static str, noise: f64, floor: f64) -> Planted {
     }
 }
 
-/// Results of a bench whose truth is known; seeds share most of their luck, as they do in a render.
+/// Results of a bench with known truth. Most of a seed's noise is common to all methods, as in a render.
 pub(crate) fn recorded(methods: &[Planted], seeds: u32) -> Results {
     let list: String = methods
         .iter()
@@ -134,7 +134,7 @@ fn cell(m: &Planted, seed: u64, salt: u64) -> Run {
     }
 }
 
-/// A picture of radiance near ½ with noise of about 0.03, too bright by `bias`; without seed the truth.
+/// A picture of radiance near ½ with noise of about 0.03, too bright by `bias`; without noise for seed 0.
 fn shade(bias: f64, seed: u64, salt: u64) -> Buffer {
     Buffer::from_fn(32, 32, |x, y| {
         let truth = 0.4 + 0.2 * x as f64 / 32.0;

@@ -1,4 +1,4 @@
-//! The report: everything is in the page, and the page is a function of the results.
+//! The report: the page is self-contained, and depends only on the results.
 
 use opsr::render::value::TableChoice;
 use opsr_lab::report::bench::Suite;
@@ -30,7 +30,7 @@ fn bench_page_determinism_and_self_contained() {
     let html = page(&results);
     let again = page(&Results::load(&path).unwrap());
     assert!(html == again, "two pages of one file");
-    // Nothing is fetched and nothing runs.
+    // Nothing is loaded and no scripts run.
     for foreign in ["http://", "https://", "<script", "<link", "@import"] {
         let html = html.replace("http://www.w3.org/2000/svg", "");
         assert!(!html.contains(foreign), "{foreign}");
@@ -53,10 +53,10 @@ fn bench_page_shows_the_measurements() {
     assert_eq!(html.matches("data:image/png;base64,").count(), 2 * 4 + 2);
     assert!(html.contains("better") && html.contains("worse") && html.contains(" tie"));
     assert!(html.contains("12.5 %"), "regularised share");
-    // The bright one is too bright, has a floor, and is overtaken one day.
+    // The method `bright` is too bright, has a floor, and is overtaken at some time.
     assert!(html.contains(" off") && html.contains("≈ "));
     assert!(html.contains("Where methods lose"));
-    // Every other piece is an attribute, and may be a picture.
+    // Every second piece is an attribute, which may be a picture.
     let texts: String = html.split('"').step_by(2).collect();
     assert!(!texts.contains("NaN") && !texts.contains(">inf"));
 }
@@ -74,7 +74,7 @@ fn bench_page_of_partial_results() {
     assert!(page(&results).contains("Speed against error"));
 }
 
-/// The planted scene twice, in two groups, and a second method that is a constant.
+/// The planted scene twice, in two groups, with two methods that are constants.
 fn two_scenes() -> Results {
     let mut results = recorded(&methods(), 6);
     let mut second = results.suite.scenes[0].clone();
@@ -85,7 +85,7 @@ fn two_scenes() -> Results {
     let cells: Vec<_> = results.cells.clone();
     for mut cell in cells {
         cell.scene = "second".into();
-        // There the loud one is quiet.
+        // In the second scene the method `loud` is quiet.
         if cell.method == "loud" {
             for point in &mut cell.points {
                 point.errors.values_mut().for_each(|e| *e *= 0.25);
@@ -107,7 +107,7 @@ fn bench_overall_by_group_and_opponent() {
         all.standings.into_iter().find(|s| s.name == name).unwrap()
     };
     let ratio = |group, name: &str| of(group, "plain", name).ratios[0].unwrap();
-    // Twice as loud here, half as loud there: no difference over both.
+    // Twice the error in one scene and half in the other: no difference over both.
     assert_eq!(ratio(None, "loud").1, Verdict::Tie);
     assert!((ratio(None, "loud").0.value - 1.0).abs() < 0.02);
     assert_eq!(ratio(Some("training"), "loud").1, Verdict::Worse);
@@ -119,7 +119,7 @@ fn bench_overall_by_group_and_opponent() {
     assert_eq!(twin.1, Verdict::Worse);
     let html = page(&results);
     assert!(html.contains("Against bright: validation, 1 scene"));
-    // Groups are told apart in the suite's file, and do not make a run another one.
+    // Groups are in the suite's file, but not in the key of a run.
     let text = toml::to_string(&results.suite).unwrap();
     assert_eq!(Suite::parse(&text).unwrap(), results.suite);
 }

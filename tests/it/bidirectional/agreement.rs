@@ -23,7 +23,7 @@ fn film(scene: &Scene, estimator: Estimator, spp: u32, seed: u64) -> Film {
     film_with(scene, &settings, SIZE, spp)
 }
 
-/// Names of the scenes in which the two films differ.
+/// Names of the scenes in which two films differ.
 fn differing(
     a: Estimator,
     b: Estimator,
@@ -50,12 +50,12 @@ fn differing(
     differing
 }
 
-/// False where path tracing misses whole pixels: caustics of a small light, and behind a surface of water.
+/// False if path tracing misses whole pixels: caustics of a small light, or light through a surface of water.
 fn found_by_path(name: &str) -> bool {
     name != "caustic box" && !name.starts_with("under") && !lit_from_nowhere(name)
 }
 
-/// Caustics of lights without area, which path tracing never finds, are compared in `aim`.
+/// Scenes with caustics of lights without area, which path tracing cannot find; `aim` compares them.
 fn lit_from_nowhere(name: &str) -> bool {
     name.ends_with("in a field") || name == "many lamps"
 }
@@ -74,18 +74,18 @@ fn agreement_of_bdpt_with_path() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
-/// Scenes in which the camera never sees a rough surface by way of a Dirac lobe, without single pixels: few light paths
-/// come to some.
+/// Scenes in which the camera sees no rough surface through a Dirac lobe. Single pixels are not compared, because some
+/// get few light paths.
 #[test]
 fn agreement_of_light_with_path() {
-    // And without light from below a triangle's plane, along which no light walk arrives.
+    // The last scene has light from below a triangle's plane, which no light walk can reach.
     let dirac = ["caustic box", "partial glass", "sharp coat", "coarse balls"];
     let wanted = |name: &str| !dirac.contains(&name) && !lit_from_nowhere(name);
     let wrong = differing(PATH, Estimator::Light, 1, wanted, |_| false);
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
-/// A radius so small that its bias is far below the noise, at which many photons still merge.
+/// A radius whose bias is far below the noise, but with which many photons still merge.
 const SMALL: Radius = Radius {
     first: Some(0.01),
     alpha: 2.0 / 3.0,
@@ -103,7 +103,7 @@ fn agreement_of_vcm_with_path() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
-/// Without single pixels: caustics of photons alone are noisy.
+/// Single pixels are not compared: caustics by photons alone are noisy.
 #[test]
 fn agreement_of_vcm_with_light_sampling_only_with_path() {
     let estimator = Estimator::VcmNee(SMALL);
@@ -112,7 +112,7 @@ fn agreement_of_vcm_with_light_sampling_only_with_path() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
-/// Means of whole pictures: few photons come to a pixel. Photons are lost at edges of surfaces, in proportion to the radius.
+/// Only means of whole pictures: pixels have few photons. Edges lose photons in proportion to the radius.
 #[test]
 fn agreement_of_sppm_with_path() {
     let radius = Radius {
@@ -127,15 +127,15 @@ fn agreement_of_sppm_with_path() {
         let (a, its_error) = mean(&film(&scene, PATH, 2 * spp, 1));
         let (b, error) = mean(&film(&scene, Estimator::Sppm(radius), spp, 2));
         println!("{name}: {a:.5} ± {its_error:.5}, {b:.5} ± {error:.5}");
-        // The channels of a pixel are far from independent.
+        // The channels of a pixel are highly correlated.
         let noise = 3.0 * 3f64.sqrt() * error.hypot(its_error);
         assert!((a - b).abs() < 0.015 * a + noise, "{name}: {a} {b}");
         assert!(error < 0.1 * a, "{name}: {error} of {a}");
     }
 }
 
-/// Every path in a white furnace carries radiance 1, and a smooth ball of glass changes nothing: a missing η² or a shading
-/// normal in the wrong place does. A rough one loses what its model loses in the path tracer.
+/// Every path in a white furnace carries radiance 1, and a smooth ball of glass changes nothing, unless η² is missing
+/// or a shading normal is misplaced. A rough ball loses the same energy as in the path tracer.
 #[test]
 fn white_furnace_with_glass_from_both_ends() {
     for alpha in [0.0f32, 0.3] {
@@ -159,7 +159,7 @@ fn white_furnace_with_glass_from_both_ends() {
             0.0 => (1.0, 0.0),
             _ => furnace(PATH),
         };
-        // Light paths alone are far too noisy here: they are in the sum of `bdpt`.
+        // Light paths alone are far too noisy here: they are tested as a part of `bdpt`.
         let (mean, error) = furnace(Estimator::Bdpt);
         let noise = 3.0 * error.hypot(its_error);
         assert!((mean - expected).abs() < 2e-3 + noise, "{mean} {expected}");

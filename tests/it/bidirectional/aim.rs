@@ -1,5 +1,5 @@
-//! Light that is aimed: the same picture as uniform emission, shares that depend on nothing but scene, view and seed, and
-//! variances that do not grow with what the camera does not see.
+//! Aimed emission: the same picture as uniform emission, shares that depend only on scene, view and seed, and variances
+//! that do not grow with surfaces outside of the view.
 
 use super::scenes::{
     field, lamps_in_field, many_lamps, points_in_field, sky_in_field, sun_in_field,
@@ -52,7 +52,7 @@ fn picture(scene: &Scene, mut integrator: Bidirectional, spp: u32) -> Film {
     picture.film
 }
 
-/// Aimed and uniform light make one picture with every way to use light paths.
+/// Aimed and uniform emission give the same picture with every use of light paths.
 #[test]
 fn agreement_of_aimed_with_uniform_emission() {
     let mut wrong = Vec::new();
@@ -77,7 +77,7 @@ fn agreement_of_aimed_with_uniform_emission() {
                 mean(&aimed),
                 mean(&uniform)
             );
-            // Few uniform photons come to a pixel.
+            // With uniform emission few photons reach a pixel.
             if !agreement.image.passed() {
                 println!("{agreement}");
                 wrong.push(format!("{name}, {strategies:?}, {merging}"));
@@ -87,7 +87,7 @@ fn agreement_of_aimed_with_uniform_emission() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
-/// Scenes in the field are aimed; rooms that a light fills are not.
+/// Lights in a field are aimed; lights of a room that the view shows are not.
 #[test]
 fn light_is_aimed_where_it_gains() {
     for (name, parts) in fields() {
@@ -127,7 +127,7 @@ fn determinism_of_shares_over_threads_windows_and_runs() {
     assert_ne!(first, found(2, &whole, 1));
 }
 
-/// Variance over the squared picture in the view of a ball in the sun, whatever lies around it; and its light.
+/// Light and relative variance in the view of a ball in the sun do not depend on the surroundings.
 #[test]
 fn variance_does_not_grow_with_the_floor() {
     let vcm = Estimator::Vcm(Radius::default());
@@ -150,7 +150,7 @@ fn variance_does_not_grow_with_the_floor() {
         let (near, far) = (render("ball-on-40-m"), render("ball-on-400-m"));
         println!("{estimator:?}: {near:.4?} {far:.4?}");
         assert!(far.1 < 4.0 * near.1, "{estimator:?}: {near:?} {far:?}");
-        // Pixels share photons: a mean is hardly less noisy than its pixels, whose squared error is the second number.
+        // Pixels share photons: the mean is hardly less noisy than pixels, whose squared error is the second number.
         let noise = 0.5 * (near.1 + far.1).sqrt();
         assert!(
             (far.0 / near.0 - 1.0).abs() < noise.max(0.03),
@@ -159,7 +159,7 @@ fn variance_does_not_grow_with_the_floor() {
     }
 }
 
-/// Under a sky that is a mesh bidirectional light sampling has the variance of the path tracer's.
+/// Under a mesh sky bidirectional light sampling has the variance of the path tracer's.
 #[test]
 fn variance_of_light_sampling_among_many_lights() {
     let scene = scene(gallery::builtin("plate-under-mesh-sky").expect("a scene"));

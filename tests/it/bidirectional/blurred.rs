@@ -1,4 +1,4 @@
-//! Blurs of pictures of one level: kept in batches, with guides of the camera paths.
+//! Blurs of pictures of one level: batches with features of the camera paths.
 
 use crate::support::render::scene;
 use opsr::image::Buffer;
@@ -56,7 +56,7 @@ fn levels(picture: &Picture) -> &LevelFilm {
     picture.levels.as_ref().expect("levels")
 }
 
-/// The film is that of a render without guides bit for bit, and so are its AOVs; its batches have the same light.
+/// The film and its AOVs are bit-identical to those of a render without guides; the batches have the same light.
 #[test]
 fn guides_change_no_sample() {
     let scene = scene(caustic_box());
@@ -79,7 +79,7 @@ fn guides_change_no_sample() {
         let film = levels(&guided);
         let error = mape(&film.mean(0), &plain.film.mean()).expect("one size");
         assert!(error.value < 1e-5, "{estimator:?}: {}", error.value);
-        // The lamp is seen directly, and nothing else is.
+        // Only the lamp is directly visible.
         let (seen, all) = (film.mean(1), film.mean(0));
         let lit = seen.pixels.iter().zip(&all.pixels);
         assert!(lit.clone().any(|(seen, _)| seen.max_element() > 1.0));
@@ -87,7 +87,7 @@ fn guides_change_no_sample() {
             lit.clone()
                 .all(|(seen, all)| (*all - *seen).min_element() > -1e-4)
         );
-        // A lamp's pixels have its light and hardly more.
+        // The pixels of direct light are those of the lamp and few more.
         let share = seen.pixels.iter().filter(|p| p.max_element() > 0.0).count();
         assert!(share * 5 < seen.pixels.len(), "{share} pixels see a light");
     }
@@ -127,7 +127,7 @@ fn usual_level_of_estimators_with_one_and_refused_ones() {
         let radii = of(Amounts::Radii(Default::default()));
         assert_eq!(radii.check_amounts(), Err(LevelError::Estimator));
     }
-    // A table has nothing to roughen in a scene without lobes; reuse roughens what it can.
+    // A table roughens nothing in a scene without lobes. Reuse allows one level only.
     let mut settings = settings(PATH, Amounts::Raw, 0);
     settings.rule = Rule::constant(0.5);
     assert_eq!(settings.usual_amounts(false), Ok(Amounts::Blurred));
@@ -138,7 +138,7 @@ fn usual_level_of_estimators_with_one_and_refused_ones() {
     assert_eq!(settings.usual_amounts(true), Err(LevelError::Reuse));
 }
 
-/// A film of one level shows the rule's own factors, whatever the scene.
+/// A film of one level has the rule's own factors in any scene.
 #[test]
 fn one_level_is_that_of_the_rule() {
     let scene = scene(caustic_box());
@@ -154,7 +154,7 @@ fn one_level_is_that_of_the_rule() {
     );
 }
 
-/// Less error than the raw picture, with and without caustics and with textures, at few samples and many, and its light.
+/// Less error than the raw picture and the same light: with and without caustics and textures, at few and many samples.
 #[test]
 fn blurs_have_less_error_and_keep_the_light() {
     for (name, spp, most) in [
@@ -180,7 +180,7 @@ fn blurs_have_less_error_and_keep_the_light() {
             let energy = energy_ratio(&resolved, &own).expect("one size").value;
             println!("{name}, {spp}, {estimator:?}: {ratio:.3}, {energy:.3}");
             assert!(ratio < most, "{name}, {estimator:?}: {ratio}");
-            // Fireflies of the raw picture are given back in part; a path tracer meets a lamp in glass by few.
+            // Fireflies are kept only in part; a path tracer finds a lamp in glass only by fireflies.
             let lost = match (estimator == PATH, name) {
                 (true, "lamp-in-glass") => 0.15,
                 (true, _) => 0.08,

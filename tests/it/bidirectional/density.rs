@@ -9,7 +9,7 @@ use opsr::math::UVec2;
 use opsr::scene::finish::{Clearcoat, Finish};
 use opsr::scene::{Camera, Material};
 
-/// The plane under a point light, at whose foot all pixels look.
+/// The plane under a point light; all pixels show the point below the light.
 fn foot(radius: f32, iterations: u32) -> (f64, f64) {
     let mut parts = point_light_over_plane();
     let camera = parts.cameras.remove(0);
@@ -27,13 +27,13 @@ fn foot(radius: f32, iterations: u32) -> (f64, f64) {
         }),
         ..Settings::default()
     };
-    // All pixels see the same photons: their mean is as noisy as one of them.
+    // All pixels share the same photons, so their mean is as noisy as one of them.
     let film = film_with(&scene(parts), &settings, 16, iterations);
     let error = film.variance_of_mean().pixels[0].x.sqrt();
     (mean(&film).0, error.into())
 }
 
-/// The mean of the radiance over a disk of radius r about the foot is (2/r²)(1 − (1 + r²)^(−1/2)).
+/// The mean radiance over a disk of radius r around this point is (2/r²)(1 − (1 + r²)^(−1/2)).
 #[test]
 fn photon_density_of_an_analytic_disk() {
     for (r, iterations, tolerance) in [(0.5f64, 30_000, 0.002), (0.2, 20_000, 0.006)] {
@@ -49,7 +49,7 @@ fn photon_density_of_an_analytic_disk() {
 fn radius_shrinks_as_the_exponent_says() {
     let radius = Radius::default();
     assert_eq!(radius.at(0.5, 0), 0.5);
-    // i^(−1/6).
+    // The factor is i^(−1/6).
     assert!((radius.at(0.5, 63) - 0.25).abs() < 1e-6);
     let fixed = Radius {
         alpha: 1.0,
@@ -58,7 +58,7 @@ fn radius_shrinks_as_the_exponent_says() {
     assert_eq!(fixed.at(0.5, 1000), 0.5);
 }
 
-/// Twice the footprint of a pixel at the distance of what is seen, mirrors included; half as large at twice the rows.
+/// Twice the footprint of a pixel at the visible distance, mirrors included; half as large with twice the rows.
 #[test]
 fn first_radius_follows_the_footprint() {
     let mut parts = point_light_over_plane();
@@ -75,7 +75,7 @@ fn first_radius_follows_the_footprint() {
     assert!((first(256) / first(128) - 0.5).abs() < 0.01);
 }
 
-/// A material that chooses between two BSDFs is drawn by both walks of a merge, but its chance counts once.
+/// Both walks of a merge choose between the two BSDFs of a material, but the probability counts once.
 #[test]
 fn photons_where_the_light_walk_drew_a_smooth_bsdf_are_kept() {
     let coat = Clearcoat {

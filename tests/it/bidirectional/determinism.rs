@@ -1,4 +1,4 @@
-//! Bytes at any number of threads, in any split into passes, and of a crop.
+//! Bit-identical pictures at any number of threads, in any split into passes, and of a crop.
 
 use crate::support::holds;
 use crate::support::render::film_with;

@@ -1,4 +1,4 @@
-//! Emission sampling and the camera as an end: samples against densities.
+//! Emission sampling and camera connections: samples against densities.
 
 use super::scenes::{panel, walls};
 use crate::support::assert_likely;
@@ -33,7 +33,7 @@ fn aimed_emission(scene: &Scene, aim: &Aim) -> Vec<EmissionSample> {
         .collect()
 }
 
-/// p-value of points of [0, 1]² against a density there, given as an integral over a cell.
+/// p-value of points in [0, 1]² against a density, given as an integral over a cell.
 fn likely(points: impl Iterator<Item = Vec2>, expected: impl Fn([f64; 2], [f64; 2]) -> f64) -> f64 {
     let mut counts = vec![0u32; CELLS * CELLS + 1];
     let cell = |x: f32| ((x * CELLS as f32) as usize).min(CELLS - 1);
@@ -46,7 +46,7 @@ fn likely(points: impl Iterator<Item = Vec2>, expected: impl Fn([f64; 2], [f64; 
     let mut means: Vec<f64> = (0..CELLS * CELLS)
         .map(|i| f64::from(n) * expected(edge(i % CELLS), edge(i / CELLS)))
         .collect();
-    // Whatever the densities leave over is a cell that must stay empty.
+    // One more cell for the rest must stay empty.
     let rest = f64::from(n) - means.iter().sum::<f64>();
     assert!(rest.abs() < 0.003 * f64::from(n), "{rest} of {n} left over");
     means.push(0.0);
@@ -78,8 +78,8 @@ fn directions(
     })
 }
 
-/// p-value of directions against their own densities, which have edges that no quadrature likes: the sum of 1/p over the
-/// samples in a cell is its solid angle, within four standard errors and a half. The p-value is that of the worst cell.
+/// p-value of directions against their own densities, whose edges no quadrature resolves. The sum of 1/p over the
+/// samples in a cell is its solid angle, within 4.5 standard errors. The p-value is 0 if a cell fails, else 1.
 fn solid_angles(samples: &[EmissionSample], frame: Frame, low: f32) -> f64 {
     let mut cells = vec![(0.0f64, 0.0f64); CELLS * CELLS];
     let cell = |x: f32| ((x * CELLS as f32) as usize).min(CELLS - 1);
@@ -100,7 +100,7 @@ fn solid_angles(samples: &[EmissionSample], frame: Frame, low: f32) -> f64 {
     println!("worst cell {worst:.2} standard errors apart");
     if worst < 4.5 { 1.0 } else { 0.0 }
 }
-/// Points of the unit disk of equal density, as points of the unit square of equal density.
+/// Maps the unit disk to the unit square with uniform density.
 fn disk(p: Vec2) -> Vec2 {
     Vec2::new(
         p.length_squared().min(1.0),
@@ -116,13 +116,13 @@ fn dark_box() -> SceneParts {
     walls(diffuse("walls", Rgb::splat(0.5)))
 }
 
-/// Centre and radius of the sphere round the scene.
+/// Centre and radius of the scene's bounding sphere.
 fn sphere(scene: &Scene) -> (Vec3, f32) {
     let (low, high) = scene.geometry().bounds();
     (0.5 * (low + high), 0.5 * low.distance(high))
 }
 
-/// Chi-square p-value of the points where rays cross the disk around the scene.
+/// Chi-square p-value of the points where rays cross the bounding sphere's disk.
 fn across(scene: &Scene, samples: &[EmissionSample]) -> f64 {
     let (centre, radius) = sphere(scene);
     let points = samples.iter().map(|s| {
@@ -134,7 +134,7 @@ fn across(scene: &Scene, samples: &[EmissionSample]) -> f64 {
     likely(points, uniform)
 }
 
-/// The way back from far beyond the first meeting.
+/// The reverse ray, from beyond the first surface.
 fn back(sample: &EmissionSample) -> Ray {
     Ray::new(sample.ray.at(2.0), -sample.ray.dir)
 }
@@ -156,7 +156,7 @@ fn chi_square_of_emission_from_triangles() {
         let scene = scene(parts);
         let samples = emission(&scene);
         assert_eq!(samples.len() as u32, SAMPLES);
-        // The same panel, met by a ray.
+        // The same panel, hit by a ray.
         let up = Ray::new(Vec3::new(0.1, 1.0, 0.2), Vec3::Y);
         let surface = scene.surface(&scene.intersect(&up).expect("the panel"));
         let pdf = |w: Vec3| {
@@ -222,7 +222,7 @@ fn chi_square_of_emission_from_lights_without_area() {
         parts.lights.push(light);
         let scene = scene(parts);
         let samples = emission(&scene);
-        // Density with which light sampling says that an emission sample comes to a point.
+        // Density of emission samples to a point, as light sampling states it.
         let pdf = |w: Vec3| {
             let sample = scene.lights().sample(position + w, [0.5; 3].into());
             sample.map_or(0.0, |s| {
@@ -242,7 +242,7 @@ fn chi_square_of_emission_from_lights_without_area() {
                 across(&scene, &samples)
             }
             PunctualLight::Spot { cos_outer, .. } => {
-                // Just inside the cone, where the ramp is not yet dark.
+                // Directions just inside the cone, where the falloff is not yet zero.
                 samples
                     .iter()
                     .for_each(|s| near(s.pdf.direction, pdf(axis)));
@@ -281,7 +281,7 @@ fn chi_square_of_emission_from_an_environment() {
         near(s.pdf.direction, expected.direction);
         assert!(s.pdf.infinite && s.cos == 1.0);
     }
-    // Cells of the map's own coordinates, so that the density is even in each.
+    // Cells in the coordinates of the map, where the density of each is uniform.
     let place = |w: Vec3| {
         let u = 0.5 + w.x.atan2(-w.z) / (2.0 * PI);
         Vec2::new(u, w.y.acos() / PI)
@@ -308,7 +308,7 @@ fn chi_square_of_emission_from_an_environment() {
     assert_likely(&[(p, "direction".into()), (points, "point".into())]);
 }
 
-/// An aim of all lights at these targets, each with its share.
+/// An aim of all lights at these targets, with their shares.
 fn aim(scene: &Scene, targets: &[(Vec3, f32, f32)]) -> Aim {
     scene.lights().index();
     let target = |&(centre, radius, share): &(Vec3, f32, f32)| (Target { centre, radius }, share);
@@ -316,15 +316,15 @@ fn aim(scene: &Scene, targets: &[(Vec3, f32, f32)]) -> Aim {
     Aim::new(vec![Some(beam)], vec![0; scene.lights().len()])
 }
 
-/// Two targets that overlap, seen from above, and a third that lies in the first.
+/// Two targets that overlap from above, and a third inside the first.
 const TARGETS: [(Vec3, f32, f32); 3] = [
     (Vec3::new(0.3, 0.2, 0.1), 0.5, 0.2),
     (Vec3::new(-0.2, 0.1, 0.2), 0.4, 0.15),
     (Vec3::new(0.4, 0.3, 0.1), 0.12, 0.15),
 ];
 
-/// Directions of aimed emission against its density: area lights of one and two sides, some of whose points lie inside a
-/// target and before another, point and spot lights.
+/// Directions of aimed emission against their density: point and spot lights, and area lights of one and two sides.
+/// Some points of the area lights lie inside one target and in front of another.
 #[test]
 fn chi_square_of_aimed_directions() {
     let position = Vec3::new(0.1, 1.2, 0.0);
@@ -352,7 +352,7 @@ fn chi_square_of_aimed_directions() {
         let aim = aim(&scene, &TARGETS);
         let samples = aimed_emission(&scene, &aim);
         let lights = scene.lights();
-        // What light sampling says of the same rays.
+        // The density of the same rays by light sampling.
         let pdf = |w: Vec3| {
             let from = position + w;
             let sample = lights.sample(from, [0.5; 3].into());
@@ -362,7 +362,7 @@ fn chi_square_of_aimed_directions() {
             near(s.pdf.direction, pdf(s.ray.dir));
             assert!(s.throughput.x <= 2.001 / (s.pdf.position * s.pdf.direction));
         }
-        // Draws outside of a spot's cone are dark, and left out.
+        // Samples outside of a spot's cone are dark and are omitted.
         let low = match light {
             PunctualLight::Spot { cos_outer, .. } => cos_outer,
             _ => -1.0,
@@ -377,7 +377,7 @@ fn chi_square_of_aimed_directions() {
             double_sided,
             ..emitter("light", Rgb::splat(3.0))
         };
-        // So small that all its points see the same cones.
+        // A panel so small that all its points have nearly the same cones.
         parts.add(material, [panel(2e-4)]);
         let scene = scene(parts);
         let aim = aim(
@@ -394,7 +394,7 @@ fn chi_square_of_aimed_directions() {
                 s.throughput.x,
                 3.0 * s.cos / (s.pdf.position * s.pdf.direction),
             );
-            // All but where the rim of a cone passes between two points of the panel.
+            // Except where the rim of a cone passes between two points of the panel.
             let pdf = scene
                 .lights()
                 .pdf_emission(&aim, &surface, s.ray.dir)
@@ -409,7 +409,7 @@ fn chi_square_of_aimed_directions() {
     assert_likely(&p_values);
 }
 
-/// Points across the rays of aimed light from infinity against their density, over the disk around the scene.
+/// Origins of aimed rays from infinity against their density, over the disk around the scene.
 #[test]
 fn chi_square_of_aimed_points() {
     let axis = Vec3::new(0.3, -1.0, 0.2).normalize();
@@ -428,7 +428,7 @@ fn chi_square_of_aimed_points() {
         let (centre, radius) = sphere(&scene);
         let samples = aimed_emission(&scene, &aim);
         for s in &samples {
-            // From wherever the ray is seen.
+            // The density does not depend on the point along the ray.
             let seen = scene
                 .lights()
                 .pdf_emission_environment(&aim, &back(s))
@@ -446,7 +446,7 @@ fn chi_square_of_aimed_points() {
                 );
             }
         }
-        // The frame of every direction is its own: distances from a target's centre, and the angle about it.
+        // Every direction has its own frame: distances are from a target's centre, angles around it.
         for (place, size, _) in TARGETS {
             let inside = samples.iter().map(|s| {
                 let frame = Frame::from_normal(s.ray.dir);
@@ -457,7 +457,7 @@ fn chi_square_of_aimed_points() {
                 .filter(|(p, _)| p.length_squared() < 1.0)
                 .map(|(p, s)| (p, s.pdf.position))
                 .collect();
-            // Over the density, points are even: 1/p sums to the area of a part of the disk.
+            // With weights 1/p points are uniform: they sum to the area of a part of the disk.
             let area = |keep: &dyn Fn(Vec2) -> bool| {
                 let kept = inside.iter().filter(|(p, _)| keep(*p));
                 let (sum, squares) = kept.fold((0.0, 0.0), |(sum, squares), (_, pdf)| {
@@ -493,7 +493,7 @@ fn chi_square_of_aimed_points() {
     }
 }
 
-/// Cameras without and with a lens, centred and not, and random numbers of a point of the lens.
+/// Cameras with and without a lens, centred and shifted, each with random numbers for a point of the lens.
 fn cameras() -> [(Camera, Vec2); 6] {
     let pinhole = Camera::look_at(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, Vec3::Y, 1.4);
     let parallel = Camera {
@@ -522,12 +522,12 @@ fn cameras() -> [(Camera, Vec2); 6] {
     ]
 }
 
-/// The rays of one pixel against the density of a sighting, over the plane at distance 1.
+/// The rays of one pixel against the camera's density, over the plane at distance 1.
 #[test]
 fn chi_square_of_camera_pdf() {
     let mut p_values = Vec::new();
     for (camera, u) in cameras() {
-        // One pixel: all of the frame.
+        // A single pixel is the whole frame.
         let sensor = Sensor {
             camera: &camera,
             frame: UVec2::ONE,
@@ -576,7 +576,7 @@ fn camera_sees_the_points_of_its_rays_in_their_pixels() {
             let ray = sensor.sample_ray(place, || u);
             let distance = 0.1 + 10.0 * stream.next_1d();
             let sight = (sensor.see(ray.at(distance), through)).expect("in the frame");
-            // A point on the border of two pixels may fall into either.
+            // A point on the border of two pixels may belong to either.
             let inside = (place.fract() - 0.5).abs().max_element() < 0.499;
             assert!(
                 !inside || sight.pixel == place.as_uvec2(),

@@ -19,7 +19,7 @@ fn settings(estimator: Estimator, rule: Rule, seed: u64) -> Settings {
     }
 }
 
-/// Means of square tiles of this edge, channels apart.
+/// Means of square tiles of this edge, per channel.
 fn tiles(film: &Film, edge: u32) -> Vec<[f64; 3]> {
     let mean = film.mean();
     let tile = |w: &opsr::image::film::Window| {
@@ -37,7 +37,7 @@ fn tiles(film: &Film, edge: u32) -> Vec<[f64; 3]> {
     film.tiles(edge).iter().map(tile).collect()
 }
 
-/// Mean and standard error over independent pictures. The pixels of one are not independent.
+/// Mean and standard error over independent pictures, because the pixels of one picture are correlated.
 fn over(pictures: &[Vec<[f64; 3]>], tile: usize, channel: usize) -> (f64, f64) {
     let n = pictures.len() as f64;
     let values = pictures.iter().map(|p| p[tile][channel]);
@@ -46,7 +46,7 @@ fn over(pictures: &[Vec<[f64; 3]>], tile: usize, channel: usize) -> (f64, f64) {
     (mean, (squares / (n * (n - 1.0))).sqrt())
 }
 
-/// Independent pictures of these samples per pixel each.
+/// Independent pictures with this number of samples per pixel.
 fn pictures(scene: &Scene, settings: &Settings, count: u64, spp: u32) -> Vec<Film> {
     (0..count)
         .map(|i| {
@@ -60,13 +60,13 @@ fn pictures(scene: &Scene, settings: &Settings, count: u64, spp: u32) -> Vec<Fil
         .collect()
 }
 
-/// Fails where pixels, tiles or the whole picture differ by more than their noise over independent pictures.
+/// Fails if pixels, tiles or the whole picture differ by more than their noise over independent pictures.
 fn assert_agreement(name: &str, a: &[Film], b: &[Film]) {
     for edge in [4, 8, SIZE] {
         let of = |films: &[Film]| -> Vec<_> { films.iter().map(|f| tiles(f, edge)).collect() };
         let (a, b) = (of(a), of(b));
         let count = a[0].len();
-        // Student's tails of few pictures are longer than the normal ones.
+        // Student's distribution of few pictures has longer tails than the normal one.
         let most = if count == 1 { 4.0 } else { 6.0 };
         let mut worst = 0.0f64;
         for (tile, channel) in (0..count).flat_map(|t| (0..3).map(move |c| (t, c))) {
@@ -110,7 +110,7 @@ fn agreement_of_mlt_with_path() {
     }
 }
 
-/// A point light beside a mirror, which nothing samples: the regularised target, with a radius for every pass.
+/// A point light beside a mirror, which no strategy can sample: the regularised target, with one radius per pass.
 #[test]
 fn agreement_of_mollified_mlt_with_bdpt() {
     use opsr::scene::procedural::materials::{diffuse, metal};
@@ -131,14 +131,14 @@ fn agreement_of_mollified_mlt_with_bdpt() {
     let a = pictures(&scene, &settings(Estimator::Bdpt, rule(), 1), 24, 4);
     let b = pictures(&scene, &settings(MLT, rule(), 2), 24, 4);
     assert_agreement("mirror", &a, &b);
-    // The mollifier does find something.
+    // The mollifier adds light.
     let plain = pictures(&scene, &settings(MLT, Rule::Plain, 2), 8, 1);
     let of = |films: &[Film]| -> Vec<_> { films.iter().map(|f| tiles(f, SIZE)).collect() };
     let (more, less) = (over(&of(&b), 0, 0).0, over(&of(&plain), 0, 0).0);
     assert!(more > 1.02 * less, "{more} {less}");
 }
 
-/// All pixels of a pass share the noise of its bootstrap, which is a quarter of the mutations, not a sixteenth.
+/// All pixels of a pass share the noise of its bootstrap, which has a quarter of the mutations, not a sixteenth.
 #[test]
 fn metropolis_normalisation_has_little_noise_at_one_pass() {
     let (_, parts, _) = super::all_scenes().swap_remove(0);

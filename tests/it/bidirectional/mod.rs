@@ -19,7 +19,7 @@ mod ways;
 use opsr::scene::SceneParts;
 use opsr_lab::gallery::{caustic_box, cornell_box};
 
-/// The boxes of the gallery and every scene of this folder, with the samples a pixel that its comparison takes.
+/// The boxes of the gallery and every scene of this folder, with the samples per pixel of its comparison.
 fn all_scenes() -> Vec<(&'static str, SceneParts, u32)> {
     let mut all = vec![
         ("cornell box", cornell_box(), 64),

@@ -1,4 +1,4 @@
-//! Photons where they meet what they do badly: sharp lobes under lights without area, and parts thinner than their radius.
+//! Hard cases of photons: sharp lobes under lights without area, and parts thinner than the radius.
 
 use crate::support::render::{film_with, mean, scene};
 use opsr::image::Film;
@@ -22,7 +22,7 @@ fn film(scene: &Scene, estimator: Estimator, size: u32, spp: u32, max_vertices: 
     film_with(scene, &settings, size, spp)
 }
 
-/// A ball of this material, with its lights to come.
+/// A ball of this material, without lights.
 fn ball(material: Material) -> SceneParts {
     let mut parts = SceneParts::default();
     parts.add(material, [sphere(Vec3::ZERO, 1.0, 3)]);
@@ -30,7 +30,7 @@ fn ball(material: Material) -> SceneParts {
     parts
 }
 
-/// A plate of this material, in which the camera sees the mirror image of a light in front of it.
+/// A plate of this material, in which the camera sees the mirror image of a light in front of the plate.
 fn plate(material: Material) -> SceneParts {
     let mut parts = SceneParts::default();
     let corner = Vec3::new(-1.0, -1.0, 0.0);
@@ -39,7 +39,7 @@ fn plate(material: Material) -> SceneParts {
     parts
 }
 
-/// No walk meets a light without area, and photons do not merge at sharp lobes: only light samples there find it.
+/// No walk can hit a light without area, and photons do not merge at sharp lobes: only light samples find it there.
 #[test]
 fn photon_density_shows_lights_without_area_in_sharp_lobes() {
     let white = Rgb::splat(20.0);
@@ -97,7 +97,7 @@ fn photon_density_shows_lights_without_area_in_sharp_lobes() {
     assert!(!off);
 }
 
-/// Lamps and skies are met and sampled: neither counts twice, whether small or large.
+/// Lamps and skies are both hit and sampled: neither is counted twice, whatever its size.
 #[test]
 fn photon_density_counts_lamps_in_sharp_lobes_once() {
     let lamp = |edge: f32, radiance: f32| {
@@ -132,7 +132,7 @@ fn photon_density_counts_lamps_in_sharp_lobes_once() {
     }
 }
 
-/// A disk of the radius reaches past all edges of legs, arm, rim and sheet.
+/// A disk of the radius extends beyond all edges of legs, arm, rim and sheet.
 #[test]
 fn photons_do_not_darken_thin_parts() {
     let scene = scene(thin_parts());
@@ -155,7 +155,7 @@ fn photons_do_not_darken_thin_parts() {
     }
 }
 
-/// The area of a surface in a disk has a closed form: a strip of half the width w/2 about the foot of a lamp of even light.
+/// A strip narrower than the merging disk has the radiance of a plane under the same uniform light.
 #[test]
 fn photons_on_a_strip_have_the_density_of_a_plane() {
     let seen = |width: f32, radius: f32| {

@@ -1,4 +1,4 @@
-//! Path space regularisation in the bidirectional estimator: what no strategy can sample is no longer black.
+//! Path space regularisation in the bidirectional estimator: light that no strategy can sample is no longer missing.
 
 use crate::support::render::{film_with, mean, scene};
 use crate::support::scenes::point_light_over_plane;
@@ -30,8 +30,8 @@ fn point(position: Vec3) -> PunctualLight {
     }
 }
 
-/// A floor of albedo ½ beside a mirror at x = 1, under a point light at (0, 1, 0); the camera sees the origin by way of
-/// a small mirror at z = 1.5.
+/// A floor of albedo ½ beside a mirror at x = 1, under a point light at (0, 1, 0). The camera sees the origin in a
+/// small mirror at z = 1.5.
 fn floor_in_a_mirror() -> SceneParts {
     let mut parts = SceneParts::default();
     let floor = quad(Vec3::new(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);
@@ -47,7 +47,7 @@ fn floor_in_a_mirror() -> SceneParts {
 #[test]
 fn psr_shows_a_caustic_of_a_point_light_in_a_mirror() {
     let scene = scene(floor_in_a_mirror());
-    // Radiance ½/π · I cos θ / d², directly and from the light behind the mirror at (2, 1, 0).
+    // Radiance ½/π · I cos θ / d², directly and from the mirror image of the light at (2, 1, 0).
     let (direct, mirrored) = (1.0, 1.0 / 5f64.powf(1.5));
     let plain = settings(Estimator::Bdpt, Rule::Plain);
     let (plain, _) = mean(&film_with(&scene, &plain, 8, 16));
@@ -62,12 +62,12 @@ fn psr_shows_a_caustic_of_a_point_light_in_a_mirror() {
     }
 }
 
-/// A lamp in a mirror: the kernel of the longest edge, which is the camera's, spreads the same light as that of the last one.
+/// A lamp in a mirror: a kernel at the longest edge, the camera's, has the same energy as one at the last edge.
 #[test]
 fn psr_of_both_estimators_has_the_same_energy() {
     let mut parts = SceneParts::default();
     let mirror = quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0);
-    // So far away that the radius is a hundredth of ten.
+    // So far away that the radius is a hundredth of ten units.
     let sliver = quad(Vec3::new(0.0, 0.0, -20.0), Vec3::X * 1e-3, Vec3::Y * 1e-3);
     parts.add(metal("mirror", Rgb::ONE, 0.0), [mirror, sliver]);
     parts.lights.push(point(Vec3::new(0.3, 0.2, 1.0)));

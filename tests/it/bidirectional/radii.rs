@@ -16,7 +16,7 @@ use std::ops::Range;
 
 const SIZE: UVec2 = UVec2::new(48, 36);
 
-/// Settings at radii by these factors; at one radius without any.
+/// Settings at radii with these factors; without factors at one radius, as usual.
 fn settings(estimator: Estimator, radii: &[f32], seed: u64) -> Settings {
     Settings {
         estimator,
@@ -58,8 +58,8 @@ fn at(radius: f32) -> Estimator {
     })
 }
 
-/// Level 0 is the picture of one radius up to rounding, since only the order of photons differs; the others have the light of
-/// renders at their radii, whose probes at edges are other ones.
+/// Level 0 is the picture of one radius up to rounding, because only the order of photons differs. The others have the
+/// light of renders at their radii; only the probes at edges differ.
 #[test]
 fn levels_are_pictures_at_their_radii() {
     let scene = scene(caustic_box());
@@ -122,7 +122,7 @@ fn refused_factors_on_the_radius() {
     );
 }
 
-/// Less error than one radius has, with and without caustics, and about the light that the radius itself has.
+/// Less error than at one radius, with and without caustics, at about the same light.
 #[test]
 fn chosen_radii_have_less_error_and_keep_the_light() {
     for (name, most) in [
@@ -154,13 +154,13 @@ fn chosen_radii_have_less_error_and_keep_the_light() {
         }
         println!("{name}: {raw:.3}, {chosen:.3}, {energy:.3}");
         assert!(chosen < most * raw, "{name}: {chosen} {raw}");
-        // Of thin parts single pixels decide.
+        // Single pixels dominate thin parts.
         let most = if name == "thin-parts" { 0.1 } else { 0.03 };
         assert!((energy - 1.0).abs() < most, "{name}: {energy}");
     }
 }
 
-/// A witness is a path tracer of one level, whatever the levels of the picture are.
+/// A witness is a path tracer of one level, whatever the picture's levels.
 #[test]
 fn witness_beside_radii_has_one_level() {
     let scene = scene(caustic_box());

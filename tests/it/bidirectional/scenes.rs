@@ -1,4 +1,4 @@
-//! Small scenes, each with one thing that a bidirectional estimator can get wrong.
+//! Small scenes, each with one possible fault of a bidirectional estimator.
 
 use opsr::image::Buffer;
 use opsr::math::{Frame, Rgb, Vec3};
@@ -13,7 +13,7 @@ use opsr::scene::{
 
 const HALF: Rgb = Rgb::splat(0.5);
 
-/// A box of edge 2 around (0, 1, 0) whose walls are of this material; the camera looks in from its open front.
+/// A box of edge 2 around (0, 1, 0) with walls of this material; the camera looks in through the open front.
 pub(super) fn walls(material: Material) -> SceneParts {
     let mut parts = SceneParts::default();
     let all = room(Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0));
@@ -23,7 +23,7 @@ pub(super) fn walls(material: Material) -> SceneParts {
     parts
 }
 
-/// A panel below the ceiling that shines down.
+/// A panel below the ceiling that emits downwards.
 pub(super) fn panel(edge: f32) -> opsr::scene::Mesh {
     let corner = Vec3::new(-0.5 * edge, 1.9, -0.5 * edge);
     quad(corner, Vec3::X * edge, Vec3::Z * edge)
@@ -42,7 +42,7 @@ pub(super) fn with_sphere(material: Material) -> SceneParts {
     parts
 }
 
-/// Balls of 80 triangles, matt and glossy, whose triangles see light from below their planes, and a bowl that is lit from inside.
+/// Balls of 80 triangles, matt and glossy, that receive light from below their triangles, and a bowl lit from inside.
 fn coarse_balls() -> SceneParts {
     let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
     let at = |x| sphere(Vec3::new(x, 0.45, 0.0), 0.4, 1);
@@ -119,7 +119,7 @@ pub(super) fn parallel_camera() -> SceneParts {
     parts
 }
 
-/// A scene whose camera has a lens: the front of its ball is in focus, its back wall and its floor are not.
+/// The scene with a camera lens: the front of the ball is in focus, the back wall and the floor are not.
 pub(super) fn through_a_lens(mut parts: SceneParts) -> SceneParts {
     parts.cameras[0].lens = Some(Lens {
         radius: 0.15,
@@ -139,7 +139,7 @@ pub(super) fn two_sided() -> SceneParts {
     parts
 }
 
-/// The lit box with a sheet of paper below its light and a glossy leaf across, which light passes diffusely.
+/// The lit box with a sheet of paper below the light and a glossy leaf; both transmit light diffusely.
 pub(super) fn sheets() -> SceneParts {
     let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
     let paper = quad(Vec3::new(-0.7, 1.3, -0.6), Vec3::X * 1.2, Vec3::Z * 1.2);
@@ -151,7 +151,7 @@ pub(super) fn sheets() -> SceneParts {
     parts
 }
 
-/// A panel on the back wall whose normal map turns its normals by up to 40°.
+/// A panel on the back wall whose normal map tilts its normals by up to 40°.
 pub(super) fn normal_map() -> SceneParts {
     let mut parts = lit(diffuse("walls", HALF), 3.0);
     let texel = |i: u8| [60 + 40 * (i % 4), 60 + 40 * (i / 4), 220, 255];
@@ -175,7 +175,7 @@ pub(super) fn normal_map() -> SceneParts {
     parts
 }
 
-/// A wall and a floor of coloured texels, three to a pixel, seen in part by way of a pane.
+/// A wall and a floor of coloured texels, three per pixel, partly behind a pane.
 pub(super) fn far_texels() -> SceneParts {
     let mut parts = lit(diffuse("walls", HALF), 3.0);
     let texel = |i: u32| {
@@ -221,7 +221,7 @@ pub(super) fn far_texels() -> SceneParts {
     parts
 }
 
-/// A leaf of half opacity before the light.
+/// A leaf of opacity ½ in front of the light.
 fn leaf() -> SceneParts {
     let mut parts = lit(diffuse("walls", HALF), 4.0);
     let leaf = Material {
@@ -249,8 +249,8 @@ fn bottle() -> SceneParts {
     parts
 }
 
-/// A camera under water whose surface has shading normals that lean by 20°, with a ball on the floor and a light above.
-/// A refraction between light and camera that no other undoes shows η², a leaning normal shows the cosines of both.
+/// A camera under water, with a ball on the floor and a light above. The surface has shading normals tilted by 20°. A
+/// single refraction between light and camera reveals errors of η², a tilted normal those of the cosines.
 pub(super) fn under_water(alpha: f32) -> SceneParts {
     let mut parts = SceneParts::default();
     let (low, high) = (Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 1.0, 1.0));
@@ -271,7 +271,7 @@ pub(super) fn under_water(alpha: f32) -> SceneParts {
     parts
 }
 
-/// The floor of a wide field with a ball of glass in the middle, which the camera sees: light of all kinds is aimed at it.
+/// The floor of a wide field with a visible ball of glass in the middle, at which all kinds of lights are aimed.
 pub(super) fn field(light: impl FnOnce(&mut SceneParts)) -> SceneParts {
     let mut parts = SceneParts::default();
     let floor = quad(Vec3::new(-15.0, 0.0, -15.0), Vec3::Z * 30.0, Vec3::X * 30.0);
@@ -329,7 +329,7 @@ pub(super) fn points_in_field(parts: &mut SceneParts) {
     });
 }
 
-/// A floor with blocks among two dozen lamps, of which each part of it is lit by few: the light tree knows which.
+/// A floor with blocks among two dozen lamps, each of which lights only a part: a case for the light tree.
 pub(super) fn many_lamps() -> SceneParts {
     let mut parts = SceneParts::default();
     let floor = quad(Vec3::new(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0);
@@ -355,7 +355,7 @@ pub(super) fn many_lamps() -> SceneParts {
     parts
 }
 
-/// A room whose lamp shines through one pane, and whose camera looks through another.
+/// A room whose lamp is behind one pane and whose camera is behind another.
 pub(super) fn panes() -> SceneParts {
     let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
     let pane = Material {
@@ -372,7 +372,7 @@ pub(super) fn panes() -> SceneParts {
     parts
 }
 
-/// Scenes of every kind, with the samples a pixel that its comparison takes.
+/// Scenes of every kind, with the samples per pixel of their comparison.
 pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
     let thin = Material {
         transmission: 1.0,

@@ -24,8 +24,8 @@ fn settings(estimator: Estimator, seed: u64) -> Settings {
     }
 }
 
-/// Mean square error of pixels against a picture, over seeds, without the brightest hundredth: their rate is that of rare
-/// samples.
+/// Mean square error of pixels against a picture, over seeds, without the largest hundredth: rare samples, whose rate
+/// differs, dominate it.
 fn error(films: &[Film], reference: &[Vec3]) -> f64 {
     let mut errors: Vec<f64> = (0..reference.len())
         .map(|i| {
@@ -65,8 +65,8 @@ fn reference(scene: &Scene, estimator: Estimator, spp: u32) -> Vec<Vec3> {
         .pixels
 }
 
-/// Unbiased: MSE ~ 1/n. A radius that shrinks with α = 2/3: the variance falls as n^(−2/3), the bias as n^(−1/3), and so both
-/// parts of the error as n^(−2/3) `[UPS (19)–(23)]`.
+/// Unbiased estimators have MSE ~ 1/n. With a radius that shrinks with α = 2/3 the variance falls as n^(−2/3) and the
+/// bias as n^(−1/3), so both parts of the error fall as n^(−2/3) `[UPS (19)–(23)]`.
 #[test]
 #[ignore = "long: slopes of errors over thousands of iterations"]
 fn slopes_long() {
@@ -80,9 +80,9 @@ fn slopes_long() {
     for (estimator, expected, within) in [
         (Estimator::Path { reuse: false }, -1.0, 0.07),
         (Estimator::Bdpt, -1.0, 0.07),
-        // Connections find all of this scene: hardly anything is left to merges.
+        // Connections find all light of this scene, and merges contribute hardly anything.
         (Estimator::Vcm(radius(0.1)), -1.0, 0.15),
-        // So small that the noise of few photons decides: that of camera paths, which no radius changes, falls as 1/n.
+        // A small radius, where the noise of photons dominates: that of camera paths falls as 1/n at any radius.
         (Estimator::Sppm(radius(0.02)), -2.0 / 3.0, 0.12),
     ] {
         let found = slope(&scene, estimator, &numbers, &path);

@@ -41,14 +41,14 @@ fn split_without_roughening_is_bit_identical() {
             film(Rule::with_table(AttenuationTable::constant(0.0))),
             plain
         );
-        // The base is merged, the coat hardly ever alone.
+        // Merges happen at the base, hardly ever at the coat alone.
         if estimator == Estimator::Bdpt {
             assert!(film(Rule::constant(0.5)) != plain);
         }
     }
 }
 
-/// Where a connection or a merge is good, nothing is roughened: rough walls everywhere.
+/// With rough walls every connection and every merge is good, so nothing is roughened.
 #[test]
 fn split_leaves_paths_with_a_good_strategy_bit_identical() {
     let scene = scene(lit(metal("walls", Rgb::splat(0.7), 0.31), 3.0));
@@ -58,7 +58,7 @@ fn split_leaves_paths_with_a_good_strategy_bit_identical() {
     }
 }
 
-/// Means with three standard errors, of which channels share their noise.
+/// Asserts that two means agree within three standard errors; the channels share their noise.
 fn assert_equal_energy(name: &str, a: &Film, b: &Film, most: f64) {
     let ((a, a_error), (b, b_error)) = (mean(a), mean(b));
     println!("{name}: {a:.5} ± {a_error:.5}, {b:.5} ± {b_error:.5}");
@@ -67,8 +67,8 @@ fn assert_equal_energy(name: &str, a: &Film, b: &Film, most: f64) {
     assert!((a - b).abs() < noise, "{name}: {a} {b}");
 }
 
-/// Water seen from above by short paths: all light from below comes by way of the surface, twice, where no connection
-/// is good. There the split's integrand is that of the path tracer.
+/// Water from above with short paths: all light from below passes the surface twice, where no connection is good. There
+/// the split has the integrand of the path tracer.
 #[test]
 fn agreement_of_split_bdpt_with_path_through_smooth_water() {
     let scene = scene(under_water(0.0));
@@ -87,7 +87,7 @@ fn agreement_of_split_bdpt_with_path_through_smooth_water() {
     }
 }
 
-/// The easy part: every strategy alone, with weight 1, has the same integrand. α = 0.15 roughens a part of every lobe.
+/// Every single strategy, with weight 1, has the same integrand. α = 0.15 roughens a part of every lobe.
 #[test]
 fn agreement_of_each_strategy_of_a_regularised_integrand() {
     let scene = scene(lit(metal("walls", Rgb::new(0.7, 0.5, 0.3), 0.17), 3.0));
@@ -109,14 +109,14 @@ fn agreement_of_each_strategy_of_a_regularised_integrand() {
         assert!((0.1..0.9).contains(&part), "{part}");
         for s in 1..=edges {
             let film = strategy(s, edges + 1 - s, &rule, 1024);
-            // Connections have spikes; see the test of each strategy without a rule.
+            // Connections have spikes; see the test of each strategy without regularisation.
             let most = if s > 1 && s < edges { 2.0 } else { 0.2 };
             assert_equal_energy(&format!("{edges} edges, s = {s}"), &hits, &film, most);
         }
     }
 }
 
-/// Roughening moves light, but neither loses nor doubles it: a blend of strategies with different integrands would.
+/// Roughening moves light, but neither loses nor doubles it, as a blend of strategies with different integrands would.
 #[test]
 fn split_keeps_energy_in_sharp_metal_walls() {
     let scene: Scene = scene(lit(metal("walls", Rgb::new(0.7, 0.5, 0.3), 0.05), 3.0));

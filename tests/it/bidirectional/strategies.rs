@@ -1,5 +1,5 @@
-//! One strategy at a time, with weight 1, against the path tracer's paths of that length: wrong values that weights would
-//! hide.
+//! One strategy at a time, with weight 1, against the path tracer's paths of the same length: MIS weights could hide
+//! wrong values.
 
 use super::scenes::{lit, point_lit, sheets, with_sphere};
 use crate::support::render::{film_with, scene};
@@ -14,7 +14,7 @@ use opsr_lab::stats::agreement::agree;
 
 const SIZE: u32 = 16;
 
-/// Paths of exactly this many edges: the difference of two depths with the same random numbers.
+/// Paths of exactly this number of edges: the difference of two path lengths with the same random numbers.
 fn exact_length(scene: &Scene, edges: u32, spp: u32) -> Film {
     let mut film = Film::new(UVec2::splat(SIZE));
     let source = Independent { seed: Seed(5) };
@@ -77,9 +77,9 @@ fn assert_each_strategy(name: &str, parts: SceneParts, area: bool) {
         let expected = exact_length(&scene, edges, 128);
         for s in u32::from(!area)..=edges {
             let t = edges + 1 - s;
-            // With weight 1 the 1/d² of a connection is unbounded: bright corners are too rare for a test of means, of
-            // tiles with an area light, of the whole image near a point light. The weighted sum of all strategies is
-            // compared in `agreement`.
+            // With weight 1 the 1/d² of a connection is unbounded. Bright corners are too rare for a test of means: of
+            // tiles with an area light, and of the whole image near a point light. `agreement` compares the weighted
+            // sum of all strategies.
             let unbounded = s > 1 && t > 1;
             if !area && unbounded {
                 continue;
@@ -116,7 +116,7 @@ fn agreement_of_each_strategy_through_translucent_sheets() {
     assert_each_strategy("sheets", sheets(), true);
 }
 
-/// Weights as they are in the whole: nothing is left out, nothing shown twice.
+/// With their weights the strategies add up to the whole, without gaps or overlaps.
 #[test]
 fn weighted_strategies_add_up_to_the_whole() {
     let scene = scene(with_sphere(coated("coat", Rgb::splat(0.5), 0.1)));

@@ -1,4 +1,4 @@
-//! Both ways of a camera walk through smooth glass.
+//! Both paths of a camera walk at smooth glass.
 
 use crate::support::render::{drawn, film_with, mean, scene};
 use opsr::integrator::bidirectional::Radius;
@@ -10,13 +10,13 @@ use opsr::scene::{Material, Mesh, SceneParts};
 use opsr_lab::gallery::shapes::{cuboid, quad};
 use std::f32::consts::FRAC_1_SQRT_2 as COS;
 
-/// Radiance of the lamp that the glass shows by reflection, and of the one behind it.
+/// Radiance of the lamp that the glass reflects, and of the lamp behind the glass.
 const LAMPS: [f32; 2] = [10.0, 1.0];
 
 /// Index of the glass.
 const IOR: f32 = 1.5;
 
-/// A camera that sees by way of glass at 45° one lamp by reflection and another behind it, nothing else.
+/// A camera that sees only two lamps by glass at 45°: one reflected, one behind the glass.
 fn beam_splitter(material: Material, glass: Mesh) -> SceneParts {
     let mut parts = SceneParts::default();
     let reflected = quad(Vec3::new(4.0, -3.0, -3.0), 6.0 * Vec3::Z, 6.0 * Vec3::Y);
@@ -28,7 +28,7 @@ fn beam_splitter(material: Material, glass: Mesh) -> SceneParts {
     parts
 }
 
-/// Reflectance of a plate at 45°: two faces by Fresnel's equations, and all that goes to and fro between them.
+/// Reflectance of a plate at 45°: Fresnel's equations for two faces, with all reflections between them.
 fn plate_reflectance() -> f32 {
     let cos_t = (1.0 - (1.0 - COS * COS) / (IOR * IOR)).sqrt();
     let s = (COS - IOR * cos_t) / (COS + IOR * cos_t);
@@ -56,7 +56,7 @@ fn glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample() {
         ior: IOR,
         ..coated("pane", Rgb::ONE, 0.0)
     };
-    // What is left is light that goes to and fro in the plate. A drawn way would deviate by more than the mean.
+    // The remaining noise is light reflected inside the plate. A random choice would deviate by more than the mean.
     let cases = [
         ("pane", thin, pane, pane_reflectance(), 0.001),
         (
@@ -99,7 +99,7 @@ fn glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample() {
     }
 }
 
-/// Roulette of ways keeps the light of a room behind a pane that reflects a third of it.
+/// Roulette of the two paths preserves the light of a room behind a pane that reflects a third of it.
 #[test]
 fn agreement_with_drawn_ways_behind_a_pane() {
     let mut parts = super::scenes::lit(diffuse("walls", Rgb::splat(0.8)), 3.0);
