@@ -74,7 +74,7 @@ fn comparison_ranks_the_better_picture_first() {
     assert!(json["entries"][0]["worst"]["x"].is_u64());
 }
 
-/// Large pictures take seconds each, so that a user is told which one is at work.
+/// Large pictures take seconds each, so each is announced.
 #[test]
 fn comparison_names_each_picture_before_it_begins() {
     let pictures = [noisy("a.exr", 1, 0.2), noisy("b.exr", 2, 1.0)];
@@ -127,7 +127,7 @@ fn comparison_splits_bias_and_variance_over_seeds() {
         seeds.relative_bias_squared.value,
         seeds.relative_variance.value,
     );
-    // Uniform noise of width ½: variance 1/48, less a little for ε; no bias.
+    // Uniform noise of width ½ has the variance 1/48, slightly less because of ε, and no bias.
     assert!((variance * 48.0 - 0.93).abs() < 0.1, "{variance}");
     assert!(bias.abs() < 0.05 * variance, "{bias}");
     let text = compare(&pictures, &reference, &options)

@@ -1,4 +1,4 @@
-//! Dispersion: indices of the channels, and each channel against a scene of its index.
+//! Dispersion: indices of the channels, and each channel against a scene with its index.
 
 use super::support::render;
 use opsr::image::Film;
@@ -27,7 +27,7 @@ fn ball(ior: f32, dispersion: f32) -> Scene {
     rough_ball(0.0, ior, dispersion)
 }
 
-/// The same of rough glass.
+/// The same box with rough glass.
 fn rough_ball(alpha: f32, ior: f32, dispersion: f32) -> Scene {
     let parts = gallery::caustic_box();
     let change = |m: Material| match m.solid {
@@ -53,7 +53,7 @@ fn channel(film: &Film, c: usize) -> (f64, f64) {
     )
 }
 
-/// Each channel of a picture of this glass against that of glass of the channel's index, of z at most 4.
+/// Each channel of a picture with this glass against glass with the channel's index, with z-scores of at most 4.
 fn assert_channels(alpha: f32, all: &[Settings]) {
     let (ior, dispersion) = (1.5, 2.5);
     let scene = rough_ball(alpha, ior, dispersion);
@@ -102,7 +102,7 @@ fn dispersion_gives_each_channel_the_picture_of_its_index() {
     assert_channels(0.0, &[path, rough, reuse]);
 }
 
-/// Connections and merges at and behind smooth and rough glass that disperses.
+/// Connections and merges at and behind smooth and rough dispersive glass.
 #[test]
 fn dispersion_from_both_ends_gives_each_channel_the_picture_of_its_index() {
     let radius = Radius {

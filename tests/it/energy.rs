@@ -36,8 +36,8 @@ impl Textbook {
         }
     }
 
-    /// f |cos θ_i| of an interface without its colour: Walter et al. (20) and (21), the latter for radiance, with the
-    /// height-correlated masking of the whole project; index 1 on `wo`'s side.
+    /// f |cos θ_i| of an interface without its colour: Walter et al. (20) and (21), the latter for radiance, with this
+    /// project's height-correlated masking. The index on `wo`'s side is 1.
     fn interface(&self, wo: DVec3, wi: DVec3, eta: f64) -> f64 {
         let through = wi.z < 0.0;
         let h = if through { -(wo + eta * wi) } else { wo + wi };
@@ -56,7 +56,7 @@ impl Textbook {
     }
 }
 
-/// A pair of directions: drawn from the lobe, or from the whole sphere.
+/// A pair of directions: `wi` is a sample of the lobe, or from the whole sphere.
 fn pair(rng: &mut Pcg32, bsdf: &Bsdf, alpha: f32) -> (Vec3, Vec3) {
     let wo = at(89.0 * rng.random::<f32>()) * if rng.random() { 1.0 } else { -1.0 };
     let drawn = bsdf.sample(alpha, wo, numbers(rng)).map(|s| s.wi);
@@ -92,11 +92,11 @@ fn textbook_values_of_interfaces() {
             let (o, w) = (o * side, w * side);
             let expected = match mirror {
                 true if w.z <= 0.0 => 0.0,
-                // Total reflection: all of it.
+                // Total reflection.
                 true => textbook.interface(o, w, 1e-9),
                 false => textbook.interface(o, w, eta),
             };
-            // tan² holds about five digits at α = 0.01.
+            // In single precision tan² has about five digits at α = 0.01.
             assert!(
                 (value - expected).abs() <= 2e-3 * expected + 1e-7,
                 "{bsdf:?} {wo:?} {wi:?}: {value} {expected}"
@@ -144,8 +144,8 @@ fn reciprocity_of_every_bsdf() {
     assert!(seen > 100_000, "{seen}");
 }
 
-/// Mean energy of a draw (the BSDF's albedo, green), its standard error, and the largest energy of one. A refracted
-/// weight is radiance, scaled back to energy.
+/// Mean energy of a sample (the BSDF's albedo, green), its standard error, and the largest energy of a sample. A
+/// refracted weight is a factor of radiance and is scaled back to energy.
 fn albedo(rng: &mut Pcg32, bsdf: &Bsdf, alpha: f32, wo: Vec3, draws: u32) -> [f64; 3] {
     let (mut moments, mut largest) = ([0.0; 2], 0.0f64);
     for _ in 0..draws {
@@ -182,9 +182,9 @@ fn energy_conservation_of_interfaces() {
                     let [kept, _, largest] =
                         albedo(&mut rng, &bsdf, alpha, at(degrees) * side, DRAWS);
                     let say = format!("{bsdf:?} {degrees} {side}: {kept}");
-                    // With visible normals a single draw is worth G2/G1, at most 1.
+                    // With visible normals a single sample has the weight G2/G1, at most 1.
                     assert!(largest <= 1.0 + 1e-4, "{say} {largest}");
-                    // What is lost was masked twice: the rougher and the more grazing, the more.
+                    // Masking loses energy, most at rough and grazing lobes.
                     let masked = f64::from(alpha * degrees.to_radians().tan());
                     let least = if masked < 0.05 {
                         0.999 - f64::from(alpha)
@@ -220,13 +220,13 @@ fn energy_conservation_of_a_coat_over_its_base() {
                         distribution,
                     });
                     let [kept, error, _] = albedo(&mut rng, &white, alpha, at(degrees), 8000);
-                    // The base takes the coat for smooth; around α = 0.2 and 55° a rough one reflects 0.6 % more.
+                    // The base is computed for a smooth coat; around α = 0.2 and 55° a rough coat reflects 0.6 % more.
                     let gain = if alpha < 0.01 { 1e-3 } else { 6e-3 };
                     assert!(
                         kept <= 1.0 + gain + 4.0 * error,
                         "{white:?} {degrees}: {kept}"
                     );
-                    // A smooth coat over a white base keeps everything.
+                    // A smooth coat over a white base preserves all energy.
                     assert!(
                         alpha > 0.0 || kept > 1.0 - 4.0 * error - 1e-6,
                         "{f0} {f90} {degrees}: {kept}"
@@ -237,7 +237,7 @@ fn energy_conservation_of_a_coat_over_its_base() {
     }
 }
 
-/// Single scattering loses light, a roughened lobe more than its own; the numbers of section 3 of the method.
+/// Single scattering loses light, a roughened lobe more than the original; the numbers are in section 3 of the method.
 #[test]
 fn white_furnace_of_roughened_lobes() {
     const ANGLES: [f32; 3] = [0.0, 60.0, 80.0];

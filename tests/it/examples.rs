@@ -1,5 +1,5 @@
-//! The programs of `examples/`, compiled into this one, so that nothing is built again for them; and the few lines that they
-//! need, against the program.
+//! The programs of `examples/`, compiled into this binary so that they need no build of their own, and the library's
+//! facade against the program.
 
 #[path = "../../examples/levels_and_layers.rs"]
 #[allow(dead_code)]
@@ -70,7 +70,7 @@ fn example_levels_and_layers_chooses_levels() {
     }
 }
 
-/// The few lines of a program make the picture that the command line makes.
+/// A short program with the facade makes the picture of the command line.
 #[test]
 fn facade_renders_the_picture_of_the_program() {
     let place = Place::new();
@@ -97,7 +97,7 @@ fn facade_renders_the_picture_of_the_program() {
         assert!(ours.pixels == theirs.pixels, "{args}");
         assert!(ours.pixels == picture.shown.picture.pixels, "{args}");
     }
-    // What cannot be is refused, not left out.
+    // Impossible options are errors, not ignored.
     let light = Render::new(&scene).gamma(0.2).aovs(&[Aov::Emission]).run();
     assert!(matches!(light, Err(Fault::Option { name: "aov", .. })));
     assert!(Render::new(&scene).size(0, 4).run().is_err());
@@ -111,11 +111,11 @@ fn facade_renders_the_picture_of_the_program() {
     assert!(Render::new(&scene).table("none.json").is_err());
 }
 
-/// Files of the library have the bytes of the program's: every layer of an EXR file, its text but for the scene, PNG files.
+/// Files of the library equal the program's: every EXR layer, the metadata except the scene, and PNG files.
 #[test]
 fn facade_writes_the_files_of_the_program() {
     let place = Place::new();
-    // The sun alone: glTF has no environment.
+    // Only the sun: glTF has no environment.
     let parts = SceneParts {
         environment: None,
         ..gallery::builtin("sun-pool").expect("a scene")
@@ -146,7 +146,7 @@ fn facade_writes_the_files_of_the_program() {
         for (name, value) in options.as_object().expect("options") {
             spec.set(name, value).expect("an option");
         }
-        // Enough samples for the witness.
+        // Enough samples for a witness.
         let command =
             "render scene.glb --size 32x32 --spp 400 --reproducible -o theirs.exr -o theirs.png";
         place.opsr(&format!("{command} {args}")).done();
@@ -165,7 +165,7 @@ fn facade_writes_the_files_of_the_program() {
     assert!(witnessed > 0, "light is missing in plain pictures");
 }
 
-/// A training of a second.
+/// Settings of a training that takes a second.
 #[cfg(feature = "train")]
 fn config(scenes: &[&str]) -> opsr_train::Config {
     opsr_train::Config {
@@ -203,7 +203,7 @@ fn example_study_holds_every_family_out_once() {
         let loss = |i: usize| family.scores[i].loss;
         assert_eq!(family.scores[0].name, "best constant of these crops");
         assert_eq!(family.scores[3].name, "learned table, best scale");
-        // The best constant, and a scale chosen on the same crops, can only help.
+        // The best constant, and a scale chosen on the same crops, cannot be worse.
         assert!(loss(0) <= loss(1) * 1.000_001, "{family:?}");
         assert!(loss(3) <= loss(2) * 1.000_001, "{family:?}");
     }

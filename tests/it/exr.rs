@@ -131,7 +131,7 @@ fn exr_damaged_files_never_panic() {
         if i % 3 == 0 {
             bytes.truncate(i * good.len() / 300);
         } else {
-            // Mostly in the header, where sizes are.
+            // Mostly in the header, which contains the sizes.
             let place = (i * 7919) % if i % 3 == 1 { 600 } else { good.len() };
             bytes[place] = bytes[place].wrapping_add(1 + (i * 31 % 255) as u8);
         }
@@ -141,7 +141,7 @@ fn exr_damaged_files_never_panic() {
     assert!(refused > 100, "only {refused} refused");
 }
 
-/// A broken block and an end that is missing: whichever thread is faster, the first of the file is told.
+/// A broken block and a missing end: the first fault in the file is reported, whichever thread is faster.
 #[test]
 fn exr_error_determinism_of_two_faults() {
     let folder = tempfile::tempdir().unwrap();
@@ -167,7 +167,7 @@ fn exr_header_with_too_many_pixels_is_refused() {
     let path = folder.path().join("huge.exr");
     exr::write_rgb(&path, &picture(|_, _| Rgb::ONE), &BTreeMap::new()).unwrap();
     let mut bytes = std::fs::read(&path).unwrap();
-    // The data window of 21x18 pixels is stored as 0, 0, 20, 17 after its name, type and length.
+    // After name, type and length, the data window of 21x18 pixels is stored as 0, 0, 20, 17.
     let name = b"dataWindow\0box2i\0";
     let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
     assert_eq!(bytes[at + 8..at + 12], 20i32.to_le_bytes());
@@ -178,7 +178,7 @@ fn exr_header_with_too_many_pixels_is_refused() {
     assert!(error.contains("30000x30000 pixels"), "{error}");
 }
 
-/// A file of half floats whose data window is made larger: memory for it would have to be written, not only promised.
+/// A file of half floats with an enlarged data window, whose pixels are missing.
 #[test]
 fn exr_header_larger_than_its_file_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -246,7 +246,7 @@ fn part(name: &str, channels: &[(&str, f32)]) -> exrs::Layer<exrs::AnyChannels<e
     exrs::Layer::new((4, 3), attributes, exrs::Encoding::UNCOMPRESSED, channels)
 }
 
-/// Names as Blender writes them in one part (to 4.5) and in many (from 5.0), and as Arnold does.
+/// Channel names of Blender in one part (up to 4.5) and in many (from 5.0), and of Arnold.
 #[test]
 fn exr_multilayer_files_of_blender_and_arnold() {
     let folder = tempfile::tempdir().unwrap();
@@ -323,7 +323,7 @@ fn exr_multilayer_files_of_blender_and_arnold() {
     assert_eq!(layers.layer("b.x").unwrap().pixels[0].x, 2.0);
 }
 
-/// Standard attributes as other programs read them, and radiance that half floats cannot hold.
+/// Standard attributes for other programs, and radiance beyond half floats.
 #[test]
 fn exr_half_floats_are_cut_and_attributes_are_standard() {
     let folder = tempfile::tempdir().unwrap();
@@ -349,7 +349,7 @@ fn exr_half_floats_are_cut_and_attributes_are_standard() {
     let header = &meta.headers[0];
     let white = header.shared_attributes.chromaticities.unwrap().white;
     assert_eq!((white.x(), white.y()), (0.3127, 0.329));
-    // Points are row vectors: the target lies straight ahead, at its distance.
+    // Points are row vectors: the target is straight ahead, at its distance.
     let m = header.own_attributes.world_to_camera.unwrap();
     let p = [to.x, to.y, to.z, 1.0];
     let image: Vec<f32> = (0..4)

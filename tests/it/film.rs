@@ -1,10 +1,10 @@
-//! Films: moments, refusals, tiles, checkpoints.
+//! Films: moments, rejected samples, tiles, checkpoints.
 
 use opsr::image::film::{Cause, Film, FilmError, RejectedSample, Window};
 use opsr::math::{DVec3, Rgb, UVec2};
 use opsr::resolve::film_error;
 
-/// A cheap stand-in for an estimator: uniform numbers fixed by pixel, sample, channel and seed.
+/// A cheap substitute for an estimator: uniform numbers that depend on pixel, sample, channel and seed.
 pub(crate) fn noise(pixel: UVec2, sample: u32, seed: u32) -> Rgb {
     let pixel = u64::from(pixel.x) << 32 | u64::from(pixel.y);
     let state = scramble(scramble(pixel) ^ (u64::from(seed) << 32 | u64::from(sample)));
@@ -90,7 +90,7 @@ fn film_resume_is_bit_identical() {
     for cut in 0..numbers.len() {
         assert!(stored(&numbers[..cut]).is_err(), "cut at {cut}");
     }
-    // Numbers that no samples give, such as a half sample of the pixel in column 1.
+    // Numbers that samples cannot give, such as half a sample in the pixel of column 1.
     for (at, absurd) in [
         (7, 0.5),
         (7, 1e10),
@@ -178,7 +178,7 @@ fn film_merge_equals_all_samples() {
 
 #[test]
 fn film_estimated_error_is_the_true_error() {
-    // Uniform samples: mean ½, variance 1/12; the estimate must find √(1/12 / n / (¼ + ε)).
+    // Uniform samples have mean ½ and variance 1/12, so the estimate is √(1/12 / n / (¼ + ε)).
     let mut film = Film::new(UVec2::new(32, 32));
     assert_eq!(film_error(&film).root, f64::INFINITY);
     render(&mut film, 32, 0, 64);

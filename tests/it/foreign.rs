@@ -1,5 +1,5 @@
-//! Scenes of Mitsuba and pbrt: pictures against references by Mitsuba 3 (`tests/bench/scenes_by_mitsuba.py`), conventions,
-//! messages, broken files.
+//! Scenes of Mitsuba and pbrt: pictures against references by Mitsuba 3 (`tests/bench/scenes_by_mitsuba.py`),
+//! conventions, messages, broken files.
 
 mod legal;
 mod lights;
@@ -80,7 +80,7 @@ fn scores(file: &str, reference: &Reference, options: &LoadOptions, spp: u32) ->
         ours += tile;
         theirs += DVec3::from(*expected);
         for c in 0..3 {
-            // Interpolated texels and a curve of facets are allowed half a percent.
+            // Half a percent is allowed for interpolated texels and faceted curves.
             let slack = 0.005 * expected[c];
             let error = (error[c].powi(2) + other[c].powi(2) + slack * slack)
                 .sqrt()
@@ -106,7 +106,7 @@ fn scores(file: &str, reference: &Reference, options: &LoadOptions, spp: u32) ->
     ((sum / count).sqrt(), most)
 }
 
-/// Ten scenes, in both formats.
+/// Ten scenes in both formats.
 #[test]
 fn foreign_scenes_agree_with_mitsuba() {
     let references = references();
@@ -130,7 +130,7 @@ fn foreign_scenes_agree_with_mitsuba() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// Loads a file of this text.
+/// Loads a file with this text.
 pub(super) fn read(name: &str, text: &str, skip: bool) -> Result<Loaded, FileError> {
     let folder = crate::support::quick_folder();
     let path = folder.path().join(name);
@@ -149,7 +149,7 @@ pub(super) fn message(name: &str, text: &str) -> String {
     read(name, text, false).unwrap_err().to_string()
 }
 
-/// What is not supported is an error with its line, or with `--unsupported skip` a warning.
+/// Unsupported elements are errors with their line, or with `--unsupported skip` warnings.
 #[test]
 fn foreign_unsupported_parts_are_named_with_their_line() {
     let xml = "<scene version=\"3.0.0\">\n  <shape type=\"sphere\">\n    <bsdf type=\"measured\"/>\n  </shape>\n</scene>";
@@ -228,7 +228,7 @@ fn foreign_broken_files_are_named_with_their_line() {
             "Shape \"sphere\" \"float radius\" [ 1",
             "line 1: a bracket without its end",
         ),
-        // A form feed is white space, of which the reader once made words without an end.
+        // A form feed is white space; the reader once made endless empty words of it.
         (
             "Shape \"sphere\" \"float radius\" [ 1 a\u{c}0 ]",
             "line 1: values that are not of one kind",
@@ -267,7 +267,7 @@ fn foreign_broken_files_are_named_with_their_line() {
     }
 }
 
-/// The same camera in both formats: pbrt's is left-handed.
+/// The same camera in both formats: pbrt's space is left-handed.
 #[test]
 fn foreign_cameras_see_the_right_side() {
     let xml = "<scene version=\"3.0.0\"><sensor type=\"perspective\"><float name=\"fov\" value=\"90\"/>
@@ -281,15 +281,15 @@ fn foreign_cameras_see_the_right_side() {
     );
     let pbrt = &read("a.pbrt", &pbrt, false).unwrap().parts.cameras[0];
     let right = |camera: &opsr::scene::Camera| camera.ray(opsr::math::Vec2::new(1.0, 0.5), 2.0).dir;
-    // Mitsuba's fov is that of the width; +x is to the left there, and to the right in pbrt.
+    // Mitsuba's fov is that of the width, with +x to the left; in pbrt +x is to the right.
     assert!((right(mitsuba) - Vec3::new(-1.0, 0.0, 1.0).normalize()).length() < 1e-5);
-    // pbrt's is that of the shorter side.
+    // pbrt's fov is that of the shorter side.
     assert!((right(pbrt) - Vec3::new(2.0, 0.0, 1.0).normalize()).length() < 1e-5);
     assert_eq!(mitsuba.default_frame().to_array(), [200, 100]);
     assert_eq!(pbrt.default_frame().to_array(), [200, 100]);
 }
 
-/// Names of Mitsuba 0.5, and numbers of pbrt that are not ours.
+/// Names of Mitsuba 0.5, and parameters of pbrt in other units.
 #[test]
 fn foreign_conventions_are_converted() {
     let xml = "<scene version=\"0.5.0\"><shape type=\"sphere\"><bsdf type=\"dielectric\"><float name=\"intIOR\" value=\"1.6\"/>
@@ -318,7 +318,7 @@ fn foreign_conventions_are_converted() {
     assert!((luminance * 4.0 * std::f32::consts::PI - 100.0).abs() < 0.1);
 }
 
-/// A scene that is packed by gzip is the same.
+/// A gzip-compressed scene is the same.
 #[test]
 fn foreign_packed_files_are_unpacked() {
     use std::io::Write;
@@ -332,7 +332,7 @@ fn foreign_packed_files_are_unpacked() {
     assert_eq!(loaded.parts.meshes.len(), 1);
 }
 
-/// A scene of Mitsuba as glTF: what is lost is an error, what is close is not.
+/// A scene of Mitsuba as glTF: losses are errors, approximations are not.
 #[test]
 fn foreign_scenes_are_written_as_gltf() {
     use opsr_lab::gallery::{glb, lowered};
@@ -368,13 +368,14 @@ fn foreign_scenes_are_written_as_gltf() {
     };
     let (before, after) = (mean(parts("room.pbrt")), mean(again));
     assert!((before / after - 1.0).abs() < 0.02, "{before} {after}");
-    // Colours of textures that are left out are their means: the picture is as bright.
+    // Textures that are left out become their mean colours, so the picture is as bright.
     let lamps = lowered::lowered(parts("lamps.pbrt"));
     let (before, after) = (mean(parts("lamps.pbrt")), mean(lamps.parts));
     assert!((before / after - 1.0).abs() < 0.1, "{before} {after}");
 }
 
-/// Colours of vertices, sheen, films, unlit materials, and lamps that are hidden or shine into a cone, written as glTF and read again.
+/// Vertex colours, sheen, films, unlit materials, and hidden lamps or lamps with a cone, written as glTF and read
+/// again.
 #[test]
 fn foreign_looks_as_gltf_are_the_same_again() {
     use opsr::math::Vec4;
@@ -420,7 +421,7 @@ fn foreign_looks_as_gltf_are_the_same_again() {
     let mut parts = opsr::scene::SceneParts::default();
     parts.add(looks, [mesh.clone()]);
     parts.add(emitter, [shapes::quad(Vec3::Z, Vec3::X, Vec3::Y)]);
-    // Colours that its material does not use.
+    // Vertex colours that the material does not use.
     let mut plain = mesh.clone();
     plain.positions.iter_mut().for_each(|p| *p -= Vec3::Z);
     parts.add(unlit, [plain]);
@@ -451,7 +452,7 @@ fn foreign_looks_as_gltf_are_the_same_again() {
     assert!(unlit.unlit && unlit.emission == Rgb::new(0.5, 0.25, 1.0));
 }
 
-/// A sheet that reflects and transmits by two colours, as glTF's one base does.
+/// A sheet that reflects and transmits two colours, as one base in glTF.
 #[test]
 fn foreign_translucent_sheet_as_gltf_transmits_as_much() {
     use opsr_lab::gallery::{glb, lowered};
@@ -486,7 +487,7 @@ fn foreign_translucent_sheet_as_gltf_transmits_as_much() {
     }
 }
 
-/// A base has one colour for what it reflects and one for what it transmits, in shares: not all pairs fit, and those are named.
+/// A base in glTF has shares of one reflected and one transmitted colour; other pairs are reported.
 #[test]
 fn foreign_translucent_colours_that_gltf_cannot_hold_are_named() {
     use opsr_lab::gallery::lowered;
@@ -501,7 +502,7 @@ fn foreign_translucent_colours_that_gltf_cannot_hold_are_named() {
     let line =
         "1 colours of light that is reflected and transmitted, which one base cannot have both";
     assert_eq!(red_and_green.lost, [line]);
-    // More than there is, is scaled down in all channels alike, as it is rendered.
+    // A sum above 1 is scaled down equally in all channels, as in a render.
     let bright = made("0.8 0.2 0.2", "0.8 0.2 0.2");
     assert!(bright.lost.is_empty(), "{:?}", bright.lost);
     let material = &bright.parts.materials[0];
@@ -518,7 +519,7 @@ fn foreign_translucent_colours_that_gltf_cannot_hold_are_named() {
     assert!((passed - expected).abs().max_element() < 1e-6, "{passed}");
 }
 
-/// What light a layer of plastic returns to the base, which takes on its colour again, is written into the colour.
+/// The colour in glTF includes light that a plastic layer reflects back to the base.
 #[test]
 fn foreign_plastic_as_gltf_reflects_as_much() {
     use opsr_lab::gallery::lowered;
@@ -545,7 +546,7 @@ fn foreign_plastic_as_gltf_reflects_as_much() {
     );
 }
 
-/// Media of both formats, and what of them is not supported.
+/// Media of both formats, and their unsupported features.
 #[test]
 fn foreign_media_are_read_or_named_with_their_line() {
     let pbrt = "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [ 1 2 3 ]\n\
@@ -563,7 +564,7 @@ fn foreign_media_are_read_or_named_with_their_line() {
     let own: Vec<_> = (parts.materials.iter())
         .map(|m| m.medium.as_deref().copied())
         .collect();
-    // A bubble, and glass that fog goes through.
+    // A bubble, and glass inside fog.
     assert_eq!(own, [Some(Medium::default()), None]);
     let bubble = &parts.materials[0];
     assert_eq!((bubble.ior, bubble.transmission), (1.0, 1.0));
@@ -636,7 +637,7 @@ fn foreign_media_are_read_or_named_with_their_line() {
     }
 }
 
-/// A dim lamp over wide ground lights a scene all the same, other than a model, whose dials may shine.
+/// A scene, unlike a model, is lit even by a dim lamp over wide ground.
 #[test]
 fn foreign_scenes_with_any_light_are_lit() {
     let ground = "WorldBegin\nShape \"disk\" \"float radius\" 1000\n";
@@ -646,8 +647,8 @@ fn foreign_scenes_with_any_light_are_lit() {
     assert_eq!(light(&format!("{ground}{lamp}")), FileLight::Lamps);
 }
 
-/// A camera before two clouds, in the plane that they share, is outside of both: a ray along the plane may enter one and leave the
-/// other.
+/// A camera in front of two clouds, in their common plane, is outside of both, although a ray along the plane may enter
+/// one and leave the other.
 #[test]
 fn foreign_camera_on_a_plane_of_two_media_is_outside() {
     let cloud = |name: &str, low: f32| {
@@ -681,8 +682,8 @@ fn foreign_camera_on_a_plane_of_two_media_is_outside() {
     assert!((on / beside - 1.0).abs() < 0.05, "{on} {beside}");
 }
 
-/// A ball of smoke around one of fog, in a lit room full of the same fog, seen from outside and from the inner ball: means of
-/// Mitsuba 3.9.1's `volpath`, 1,536 samples.
+/// A ball of smoke around a ball of fog, in a lit room full of the same fog, from outside and from the inner ball.
+/// Means are those of Mitsuba 3.9.1's `volpath`, 1,536 samples.
 #[test]
 fn foreign_camera_in_a_medium_that_fills_bodies_too() {
     let mitsuba = |z: f32| {
@@ -737,7 +738,7 @@ fn foreign_camera_in_a_medium_that_fills_bodies_too() {
             let scattering = Rgb::new(0.4, 0.35, 0.3);
             assert!(fog.scattering.abs_diff_eq(scattering, 1e-6), "{fog:?}");
             let scene = Scene::new(parts);
-            // Lamps light fog near them with a high variance.
+            // Fog near lamps has a high variance.
             let settings = Settings {
                 max_vertices: 32,
                 ..Settings::default()
@@ -752,7 +753,8 @@ fn foreign_camera_in_a_medium_that_fills_bodies_too() {
             );
         }
     }
-    // A body of glass around the camera says nothing of media. A shape without an exterior contradicts a camera in fog.
+    // A glass body around the camera does not determine a medium. A shape without an exterior contradicts a camera in
+    // fog.
     let glass = "<shape type=\"sphere\"><point name=\"center\" z=\"2.5\"/><float name=\"radius\" value=\"0.2\"/>\
         <bsdf type=\"dielectric\"/></shape></scene>";
     let text = mitsuba(2.5).replace("</scene>", glass);
@@ -764,7 +766,7 @@ fn foreign_camera_in_a_medium_that_fills_bodies_too() {
     assert!(error.contains(expected), "{error}");
 }
 
-/// Names of no medium are none; a disk has no triangles without area.
+/// An empty medium name means no medium; a disk has no degenerate triangles.
 #[test]
 fn foreign_empty_medium_and_disk_say_nothing() {
     let folder = crate::support::quick_folder();

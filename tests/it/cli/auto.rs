@@ -1,4 +1,4 @@
-//! `--integrator auto`: what it chooses, and that a resumed render goes on with it.
+//! `--integrator auto`: its choice, and that a resumed render keeps it.
 
 use super::Place;
 use opsr::image::exr;
@@ -7,13 +7,13 @@ use opsr_lab::gallery;
 fn place(scene: &str) -> Place {
     let place = Place::new();
     let mut parts = gallery::builtin(scene).expect("a scene");
-    // Maps are no part of a file.
+    // Environment maps cannot be written to the file.
     parts.environment = None;
     place.save("scene.glb", &parts);
     place
 }
 
-/// The integrator that a picture's metadata name.
+/// The integrator in a picture's metadata.
 fn integrator(place: &Place, file: &str) -> String {
     let layers = exr::read_layers(&place.path().join(file)).expect("a picture");
     layers.metadata["integrator"].clone()
@@ -21,7 +21,7 @@ fn integrator(place: &Place, file: &str) -> String {
 
 #[test]
 fn auto_chooses_an_integrator_that_finds_the_light() {
-    // All sunlight under water is seen by way of two Dirac lobes: path finds a quarter of the light, bdpt half.
+    // All sunlight under water is seen through two Dirac lobes: path finds a quarter of the light, bdpt half.
     for (scene, expected) in [
         ("sun-pool", ["vcm", "sppm"]),
         ("cornell-box", ["path", "path"]),
@@ -33,7 +33,7 @@ fn auto_chooses_an_integrator_that_finds_the_light() {
         let says = format!("integrator {chosen}: ");
         let said = ended.err.lines().any(|line| line.contains(&says));
         assert!(said, "{}", ended.err);
-        // The pilot leaves no trace in the picture, and reproducible renders choose the same every time.
+        // The pilot does not affect the picture, and reproducible renders always choose the same.
         place
             .render(&format!("--integrator {chosen} --spp 64 -o named.exr"))
             .done();
@@ -45,7 +45,7 @@ fn auto_chooses_an_integrator_that_finds_the_light() {
     }
 }
 
-/// A sample of light paths of a million pixels takes seconds, and nothing of it would be whole.
+/// One sample of light paths for a million pixels takes seconds, and would not be finished.
 #[test]
 fn auto_takes_paths_where_no_other_sample_fits_into_the_time() {
     let place = place("sun-pool");
@@ -77,7 +77,7 @@ fn auto_resume_goes_on_with_the_same_integrator() {
         .done();
     let pixels = |file: &str| exr::read_rgb(&place.path().join(file)).expect("a picture");
     assert!(pixels("long.exr") == pixels("named.exr"));
-    // A checkpoint of other settings is refused as always.
+    // A checkpoint of other settings is refused, as without `auto`.
     let ended = place
         .render("--integrator auto --spp 12 --seed 5 --checkpoint a.ckpt --resume -o long.exr");
     assert_eq!(ended.code, Some(3), "{}", ended.err);
@@ -100,7 +100,7 @@ fn auto_refuses_what_it_cannot_choose_for() {
     );
 }
 
-/// All integrators have lenses, and glass that disperses.
+/// All integrators support lenses and dispersive glass.
 #[test]
 fn lens_and_dispersion_take_no_candidate_away() {
     let mut parts = gallery::caustic_box();
@@ -116,7 +116,7 @@ fn lens_and_dispersion_take_no_candidate_away() {
     assert_eq!(integrator(&place, "a.exr"), "vcm");
 }
 
-/// Without an integrator a pilot chooses, where no other option names a method.
+/// Without an integrator a pilot chooses, unless another option implies a method.
 #[test]
 fn default_integrator_is_a_choice_unless_the_method_is_named() {
     let place = place("caustic-box");
@@ -128,7 +128,7 @@ fn default_integrator_is_a_choice_unless_the_method_is_named() {
         ("--opsr-table 0.3", "path"),
         ("--set mode=pbrt", "path"),
         ("--set sampler=sobol", "path"),
-        // Layers that only the path tracer has.
+        // These layers exist only with the path tracer.
         ("--resolve raw --aov direct", "path"),
     ] {
         place.render(&format!("--spp 4 {args} -o a.exr")).done();
@@ -148,11 +148,11 @@ fn default_integrator_is_a_choice_unless_the_method_is_named() {
     );
 }
 
-/// Crops and parts choose as the whole picture does, and are of its bits.
+/// Crops and parts choose as the whole picture does, and are bit-identical to it.
 #[test]
 fn crops_and_parts_of_a_choice_are_those_of_the_whole_picture() {
     let place = place("caustic-box");
-    // Enough for a race in the whole picture and not in a crop.
+    // The whole picture has enough samples for a race of contenders, a crop has not.
     let render = "render scene.glb --size 48x48 --spp 600 --reproducible --progress none";
     place
         .opsr(&format!("{render} --verbose --resolve raw -o whole.exr"))
@@ -216,7 +216,7 @@ fn info_names_the_integrator_that_a_scene_calls_for() {
     }
 }
 
-/// A pilot that takes longer than the render may leaves time for one pass.
+/// A pilot may take longer than the render, but leaves time for one pass.
 #[test]
 fn auto_makes_a_picture_when_the_pilot_takes_all_the_time() {
     let place = place("caustic-box");

@@ -1,4 +1,4 @@
-//! Failures: the documented exit code, a message that names the fault, and no changed file.
+//! Failures: the documented exit code, a message that names the cause, and no changed file.
 
 use super::{Ended, Place};
 use crate::fuzz::seeds;
@@ -11,7 +11,7 @@ fn half(bytes: &[u8]) -> &[u8] {
     &bytes[..bytes.len() / 2]
 }
 
-/// A folder with good and bad files of every kind, and results of yesterday.
+/// A folder with valid and invalid files of every kind, and older results.
 fn place() -> Place {
     let place = Place::new();
     place.write("old.exr", "what was there before");
@@ -53,9 +53,9 @@ fn place() -> Place {
     place
 }
 
-/// Code, arguments, and a piece of the message.
+/// Exit code, arguments, and a part of the message.
 const CASES: &[(i32, &str, &str)] = &[
-    // Usage.
+    // Wrong usage.
     (2, "", "Usage"),
     (2, "paint scene.glb", "unrecognized subcommand"),
     (2, "render", "<SCENE>"),
@@ -481,7 +481,7 @@ fn exit_codes_and_messages() {
     let before = place.files();
     let mut wrong = Vec::new();
     for &(code, args, fragment) in CASES {
-        // A command that ends in an output of its own still must not touch it.
+        // A command with an output of its own must not change it either.
         let args = match args.starts_with("render ") && !args.contains(" -o ") {
             true => format!("{args} -o old.exr -o old.png"),
             false => args.to_owned(),
@@ -489,7 +489,7 @@ fn exit_codes_and_messages() {
         let Ended {
             code: found, err, ..
         } = place.opsr(&args);
-        // One line from us, that tells nothing twice; from the readers of arguments and of TOML some more.
+        // Messages have one line, without repetition; those of the parsers of arguments and of TOML have more.
         let others = code == 2 && !err.starts_with("opsr: ") || fragment.ends_with("toml");
         let words = err.trim().rsplit_once(": ").unwrap_or_default();
         let lines = others || err.lines().count() == 1 && !words.0.contains(words.1);
@@ -519,7 +519,7 @@ fn exit_codes_are_documented() {
     }
 }
 
-/// Standard output is a pipe that nobody reads any more, or a full disk.
+/// Standard output is a closed pipe, or a full disk.
 #[test]
 #[cfg(target_os = "linux")]
 fn closed_pipe_is_no_error_and_full_output_is() {
@@ -554,7 +554,7 @@ fn closed_pipe_is_no_error_and_full_output_is() {
     }
 }
 
-/// A disk that fills up in the middle of a file, by way of a limit on the size of files.
+/// A disk that fills up within a file, simulated by a limit on the size of files.
 #[test]
 #[cfg(unix)]
 fn full_disk_leaves_the_old_picture() {
@@ -568,7 +568,7 @@ fn full_disk_leaves_the_old_picture() {
         "-o old.exr --checkpoint new.ckpt",
     ] {
         let program = env!("CARGO_BIN_EXE_opsr");
-        // The signal ignored, writing fails as it does on a full disk. Noise compresses badly: every file is too long.
+        // With the signal ignored, writing fails as on a full disk. Noise compresses badly, so every file is too long.
         let script = format!(
             "trap '' XFSZ; ulimit -f 1; exec {program} render scene.glb --size 64x64 --spp 2 --progress none {output}"
         );
@@ -579,7 +579,7 @@ fn full_disk_leaves_the_old_picture() {
     }
 }
 
-/// A pipe that nobody writes to: whoever opens it waits.
+/// A pipe without a writer, which would block its reader.
 #[test]
 #[cfg(unix)]
 fn environment_map_from_a_pipe_is_refused() {

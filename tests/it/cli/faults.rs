@@ -1,4 +1,4 @@
-//! Places that benches and trainings cannot write to: exit code 4, old files unchanged, nothing left behind.
+//! Benches and trainings that cannot write: exit code 4, old files unchanged, no new files.
 
 #[cfg(unix)]
 use super::shut::Shut;
@@ -12,7 +12,7 @@ use serde_json::json;
 const SUITE: &str = "seeds = 1\nsamples = [1]\n[[scene]]\nname = 'box'\nbuiltin = 'caustic-box'\nsize = [32, 32]\n\
                      reference_spp = 1\n[[method]]\nname = 'plain'\n";
 
-/// A name that no file can have.
+/// A file name that is too long for any file system.
 fn long() -> String {
     "n".repeat(300)
 }
@@ -26,7 +26,7 @@ fn exit_code_of_a_bench_that_cannot_write() {
     let state = || (place.files(), place.files_in("old.pictures"));
     let before = state();
     assert_eq!(before.1.len(), 2, "a reference and a picture");
-    // Another moment: everything is to be measured anew.
+    // With another time point everything is measured again.
     place.write("suite.toml", SUITE.replace("[1]", "[2]"));
     let refused = |ended: Ended, what: &str| {
         assert_eq!(ended.code, Some(4), "{what}: {}", ended.err);
@@ -56,7 +56,7 @@ fn exit_code_of_a_bench_that_cannot_write() {
     assert!(place.read("old.json") != before.0["old.json"]);
 }
 
-/// The page is written whole or not at all.
+/// The page is written completely or not at all.
 #[test]
 #[cfg(unix)]
 fn exit_code_of_a_report_that_cannot_be_written() {
@@ -84,7 +84,7 @@ fn exit_code_of_a_report_that_cannot_be_written() {
     assert!(place.files() == before);
 }
 
-/// Every command that writes, into a folder that is read-only.
+/// Every command that writes, with a read-only folder.
 #[test]
 #[cfg(unix)]
 fn exit_code_of_a_read_only_folder() {
@@ -181,12 +181,12 @@ mod training {
                 assert!(state() == before, "{option} {folder} changed files");
             }
         }
-        // The settings fit, the log and the checkpoint do not; then the log too, not the checkpoint.
+        // First the settings fit, but not the log and the checkpoint; then the log fits, too, but not the checkpoint.
         for bytes in [1024, 4096, 16384] {
             let mut ended = place.opsr_on_a_full_disk(bytes, &format!("{TRAIN} --steps 4 --force"));
             assert_eq!(ended.code, Some(4), "{bytes}: {}", ended.err);
             let mut now = state();
-            // The log begins anew with the training, and its curves: whole ones, if short ones.
+            // A new training starts a new log and new curves, which are complete even if short.
             for log in ["metrics.jsonl", "metrics.csv"] {
                 now.1.insert(log.into(), before.1[log].clone());
             }
@@ -220,7 +220,7 @@ mod training {
     }
 }
 
-/// What cannot be saved now may be later: a render goes on, and its picture is written.
+/// A checkpoint that cannot be saved may be saved later: the render continues, and its picture is written.
 #[test]
 #[cfg(unix)]
 fn a_checkpoint_that_cannot_be_saved_ends_no_render() {
@@ -239,7 +239,7 @@ fn a_checkpoint_that_cannot_be_saved_ends_no_render() {
     assert!(!place.path().join("a.ckpt").exists());
 }
 
-/// One file that cannot be written costs no other.
+/// A file that cannot be written does not prevent the others.
 #[test]
 #[cfg(unix)]
 fn files_that_can_be_written_are() {
@@ -252,7 +252,7 @@ fn files_that_can_be_written_are() {
     assert_eq!(files, ["out.json", "out.png", "scene.glb"]);
 }
 
-/// No output takes the place of a file that is read, or of another output.
+/// No output replaces an input or another output.
 #[test]
 fn outputs_have_names_of_their_own() {
     let place = Place::new();
@@ -296,7 +296,7 @@ fn outputs_have_names_of_their_own() {
         assert!(ended.err.contains(words), "{args}: {}", ended.err);
         assert!(place.files() == before, "{args}");
     }
-    // Devices are no files.
+    // Devices are not files.
     #[cfg(unix)]
     place
         .opsr(&format!("{render} -o o.exr --stats /dev/null"))
@@ -319,7 +319,7 @@ fn a_black_picture_of_a_lit_scene_is_named() {
     assert!(!render("").contains("the picture is black"));
 }
 
-/// Two renders that would save into one checkpoint are one: the second is refused, and the first is as without it.
+/// A checkpoint in use is refused for a second render, and the first render is not affected.
 #[test]
 #[cfg(unix)]
 fn checkpoint_in_use_is_refused() {
@@ -336,12 +336,12 @@ fn checkpoint_in_use_is_refused() {
     assert!(second.err.contains(words), "{}", second.err);
     let files: Vec<String> = place.files().into_keys().collect();
     assert_eq!(files, ["a.ckpt", "out.exr", "scene.glb"]);
-    // It is free again.
+    // The checkpoint can be used again.
     let args = "render scene.glb --size 32x32 --time 10ms --checkpoint a.ckpt --resume -o out.exr";
     place.opsr(args).done();
 }
 
-/// A picture that another program changes during a render is replaced with a warning that names it.
+/// A picture that another program changes during a render is replaced, with a warning.
 #[test]
 #[cfg(unix)]
 fn picture_changed_during_a_render_is_named() {
@@ -354,7 +354,7 @@ fn picture_changed_during_a_render_is_named() {
     let words = "out.png: was changed by another program";
     assert!(ended.err.contains(words), "{}", ended.err);
     assert!(!ended.err.contains("out.exr: was"), "{}", ended.err);
-    // Its own saves are none.
+    // The render's own saves cause no warning.
     let args =
         "render scene.glb --size 16x16 --spp 400 --progress none --save-every 1ms -o out.png";
     let ended = place.opsr(args).done();

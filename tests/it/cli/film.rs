@@ -6,7 +6,7 @@ use opsr::image::exr;
 use opsr_lab::gallery::{self, glb};
 use serde_json::json;
 
-/// A folder whose scene is a caustic box with a camera that comes nearer, and a mesh that rises if it is not still.
+/// A folder with a caustic box, whose camera approaches, and unless `still` a mesh that rises.
 fn moving(still: bool) -> Place {
     let mut file = File::from_glb(&glb::to_glb(&gallery::caustic_box()).unwrap());
     let nodes = file.json["nodes"].as_array().unwrap();
@@ -15,7 +15,7 @@ fn moving(still: bool) -> Place {
     let matrix: Vec<f32> = (nodes[camera]["matrix"].as_array().unwrap().iter())
         .map(|x| x.as_f64().unwrap() as f32)
         .collect();
-    // It looks along -z of its own.
+    // Without rotation the camera looks along -z.
     let lens = file.json["nodes"][camera]["camera"].clone();
     file.json["nodes"][camera] = json!({ "camera": lens });
     let from = [0.0, matrix[13], matrix[14]];
@@ -42,8 +42,8 @@ const FILM: &str = "--spp 3 --aov position,motion,albedo --frames 2..7";
 
 const NUMBERS: std::ops::RangeInclusive<u32> = 2..=7;
 
-/// Frames of one run, of single renders that are averaged after them, of other numbers of threads, and of a film that is continued.
-/// A scene whose cameras alone move is opened once, and every single render opens it anew.
+/// The frames are equal for one run, for single renders that are averaged later, for other numbers of threads, and for
+/// a resumed film. A scene in which only cameras move is opened once; every single render opens it again.
 #[test]
 fn film_has_the_same_bytes_however_it_is_made() {
     for (still, method) in [
@@ -54,7 +54,7 @@ fn film_has_the_same_bytes_however_it_is_made() {
         let film = format!("{FILM} {method}");
         let outputs = |name: &str| format!("-o {name}_#.exr -o {name}_#.png -o {name}.apng");
         let ended = place.render(&format!("{film} {}", outputs("one"))).done();
-        // The camera's animation, and that of an object.
+        // The animations of the camera and of an object.
         let both = match still {
             true => "",
             false => " WARN scene.glb: animations: all 2 play at once",
@@ -100,7 +100,7 @@ fn film_has_the_same_bytes_however_it_is_made() {
         }
         let all = ["all", "one", "later"].map(|name| place.read(&format!("{name}.apng")));
         assert!(all[0] == all[1] && all[1] == all[2], "{method}");
-        // Chunk acTL: the number of frames; a decoder finds the first one.
+        // The chunk acTL has the number of frames; an ordinary decoder finds the first frame.
         let control = all[0]
             .windows(4)
             .position(|name| name == b"acTL")
@@ -144,7 +144,7 @@ fn frame_without_neighbours_is_the_single_picture() {
     assert_eq!(film.metadata["frame"], "5");
 }
 
-/// A film that is stopped has its frames so far, and goes on.
+/// A stopped film keeps its finished frames, and can be resumed.
 #[cfg(unix)]
 #[test]
 fn stopped_film_loses_no_frame() {
@@ -156,7 +156,7 @@ fn stopped_film_loses_no_frame() {
     assert_eq!(ended.code, Some(5), "{}", ended.err);
     let kept = place.files_in("kept");
     assert!(!kept.is_empty() && kept.len() < 4, "{} frames", kept.len());
-    // Those that were rendered are there to look at.
+    // The finished frames are written.
     assert!(place.path().join("film_0.exr").exists());
     assert!(
         ended.err.contains("film.apng: not written"),
@@ -328,7 +328,7 @@ fn films_that_cannot_be_are_refused() {
         assert!(ended.err.contains(words), "{args}: {}", ended.err);
         assert!(place.files() == before, "{args} left files");
     }
-    // An option that the kept frames have and the command has not.
+    // An option of the kept frames that the command does not have.
     let thin = "--integrator path --spp 2 --frames 0..1 --glass thin --checkpoint thin";
     place.render(&format!("{thin} -o thin_#.exr")).done();
     let other = place.opsr(&format!("{render} --checkpoint thin --resume -o #.exr"));
@@ -341,7 +341,7 @@ fn films_that_cannot_be_are_refused() {
         "{}",
         gap.err
     );
-    // Frames of one seed have the same noise.
+    // Frames with the same seed have the same noise.
     place.render("--spp 2 --at 2@24 -o in_2.exr").done();
     let warned = place.opsr("film scene.glb in_#.exr -o out_#.exr").done();
     assert!(

@@ -3,7 +3,7 @@
 use super::Place;
 use crate::fuzz::seeds;
 
-/// A hole takes no room on the disk.
+/// Extends a file by a hole, which takes no disk space.
 fn lengthen(place: &Place, name: &str, bytes: u64) {
     let file = std::fs::File::options()
         .write(true)

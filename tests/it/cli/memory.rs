@@ -1,4 +1,4 @@
-//! Work that needs more memory than there is: refused before it is taken, with exit code 7 and the number of bytes.
+//! Work that needs more memory than is free: refused before allocation, with exit code 7 and the number of bytes.
 
 use super::{Ended, Place};
 use crate::instances::{grid, spread};
@@ -6,7 +6,7 @@ use crate::support::gltf::File;
 use serde_json::json;
 
 impl Place {
-    /// Runs the program with an address space of so many kilobytes.
+    /// Runs the program with an address space of this many kilobytes.
     fn opsr_in_memory(&self, kilobytes: u64, args: &str) -> Ended {
         let program = env!("CARGO_BIN_EXE_opsr");
         let script = format!("ulimit -v {kilobytes}; exec {program} {args}");
@@ -15,7 +15,7 @@ impl Place {
     }
 }
 
-/// Meshes of 2730 triangles that emit, so that none is shared, on so many nodes.
+/// Meshes of 2730 emissive triangles on this number of nodes; emissive meshes are not shared.
 fn lamps(nodes: usize) -> Vec<u8> {
     let mut file = File::triangle();
     let corners = file.indices(&[0, 1, 2].repeat(2730));
@@ -52,7 +52,7 @@ fn memory_of_shared_instances_is_counted_once() {
     let mut file = grid(71);
     spread(&mut file, 10_000);
     place.write("shared.glb", file.glb());
-    // A hundred million triangles, of which copies would take 35 GB.
+    // A hundred million triangles, whose copies would take 35 GB.
     let ended = place.opsr_in_memory(500_000, "info shared.glb").done();
     for words in [
         "triangles   100820000 in 10000 meshes",
@@ -90,7 +90,7 @@ fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
             "--size 2048x2048 --opsr-table 0.1 --set levels=4",
             "2048x2048 pixels of 4 levels need about 2.00 GB",
         ),
-        // Mutations move over the whole frame.
+        // Mutations need the whole frame.
         (
             "--size 16384x16384 --crop 5,5,8,8 --integrator mlt",
             "16384x16384 pixels need about 12.88 GB",
@@ -105,11 +105,11 @@ fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
         };
         assert!(ended.err.contains(hint), "{}", ended.err);
     }
-    // The pilot does not begin.
+    // The pilot does not start.
     let timed = "render scene.glb --time 1s --integrator auto --size 16384x16384 -o out.exr";
     let ended = place.opsr_in_memory(1_500_000, timed);
     assert_eq!(ended.code, Some(7), "{}", ended.err);
-    // What the estimate allows does fit: 0.46 GB of the 0.8 of raw means, with neither copies of tiles nor of the file.
+    // A picture that the estimate allows does fit: 0.46 GB of 0.8 for raw means, without copies of tiles or file.
     let raw = "--size 2048x2048 --resolve raw --spp 1 --max-vertices 1 --progress none -o out.exr";
     let args = format!("render scene.glb {raw} --threads 2");
     place.opsr_in_memory(800_000, &args).done();
@@ -117,7 +117,7 @@ fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
     render("--size 16384x16384 --crop 5,5,8,8").done();
 }
 
-/// The recordings of a training.
+/// Memory of a training's recordings.
 #[test]
 #[cfg(feature = "train")]
 fn memory_of_recordings_is_refused_before_it_is_taken() {

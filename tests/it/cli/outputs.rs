@@ -10,7 +10,7 @@ use opsr_lab::gallery;
 use opsr_lab::report::compare::{Named, Options, compare};
 use serde_json::Value;
 
-/// A box with caustics and a table.
+/// A folder with the caustic box and a table.
 fn caustics() -> Place {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
@@ -22,7 +22,7 @@ fn picture(place: &Place, name: &str) -> Buffer {
     exr::read_rgb(&place.path().join(name)).expect("a picture")
 }
 
-/// A black picture says if no surface is seen, or no light is found.
+/// A warning distinguishes a black picture without surfaces from one without light.
 #[test]
 fn black_picture_of_nothing_names_the_camera() {
     let place = caustics();
@@ -32,7 +32,7 @@ fn black_picture_of_nothing_names_the_camera() {
     assert!(ended.err.contains(words), "{}", ended.err);
 }
 
-/// Without the library the render does not begin; with it the picture before it is a layer.
+/// Without the library the render does not start; with it the noisy picture is kept as a layer.
 #[test]
 fn denoised_picture_keeps_the_noisy_one_as_a_layer() {
     let place = caustics();
@@ -52,7 +52,7 @@ fn denoised_picture_keeps_the_noisy_one_as_a_layer() {
         assert!(!place.path().join("clean.exr").exists());
         return;
     }
-    // The film is gone before the denoiser runs, and the closing line still knows that it had several levels.
+    // The film is freed before the denoiser runs; the closing line still reports several levels.
     let ended = place.render(args).done();
     assert!(!ended.err.contains("mean ±"), "{}", ended.err);
     let args = "--spp 8 --opsr-table table.json --aov each-level";
@@ -74,7 +74,7 @@ fn denoised_picture_keeps_the_noisy_one_as_a_layer() {
     assert!(picture(&place, "clean.exr") != noisy);
     place.opsr("resolve a.ckpt --denoise -o again.exr").done();
     assert_eq!(picture(&place, "again.exr"), picture(&place, "clean.exr"));
-    // A film without AOVs has nothing to guide the denoiser.
+    // A film without AOVs has no guides for the denoiser.
     place
         .render("--spp 8 --opsr-table 0.5 -o noisy.exr --checkpoint b.ckpt")
         .done();
@@ -99,7 +99,7 @@ fn compare_writes_numbers_maps_and_a_page() {
             "compare a.exr b.exr reference.exr --seeds --agree --json out.json --maps maps --page out.html \
              --exposures -1,0",
         );
-    // Four samples are too few for a test that never raises a false alarm.
+    // Four samples are too few for a test without false alarms, so either result is valid.
     let differ = ended.out.contains("DIFFER");
     assert_eq!(
         ended.code,
@@ -145,7 +145,7 @@ fn compare_writes_numbers_maps_and_a_page() {
     assert!(!page.contains("src=\"http"), "it needs nothing else");
 }
 
-/// A picture that differs from its reference, and one above its bound, end with an exit code of their own.
+/// A picture that differs from its reference or exceeds its bound has its own exit code.
 #[test]
 fn compare_exit_code_of_pictures_that_differ() {
     let place = caustics();
@@ -180,7 +180,7 @@ fn compare_exit_code_of_pictures_that_differ() {
         let differ = code == 6 && args.contains("--agree");
         assert_eq!(ended.out.contains("DIFFER"), differ, "{}", ended.out);
     }
-    // The numbers are written all the same.
+    // The numbers are written nevertheless.
     assert!(place.path().join("out.json").exists());
 }
 
@@ -198,14 +198,14 @@ fn report_plots_determinism() {
         .opsr("report results.json -o page.html --plots plots")
         .done();
     let plots = place.files_in("plots");
-    // The scene's name has no folder in it any more.
+    // The file name has no slash of the scene's name.
     assert!(plots.contains_key("a-box-1-1.svg"), "{:?}", plots.keys());
     for (name, plot) in &plots {
         let plot = std::str::from_utf8(plot).unwrap();
         assert!(plot.trim_start().starts_with("<svg"), "{name}");
         assert!(plot.contains("constant"), "{name}");
     }
-    // Both are functions of the results.
+    // Page and plots depend only on the results.
     let page = place.read("page.html");
     place
         .opsr("report results.json -o page.html --plots plots")
@@ -213,13 +213,13 @@ fn report_plots_determinism() {
     assert!(place.read("page.html") == page && place.files_in("plots") == plots);
 }
 
-/// The command failed with this exit code and these words.
+/// Asserts that the command failed with this exit code and these words.
 fn fails(ended: super::Ended, code: i32, words: &str) {
     assert_eq!(ended.code, Some(code), "{}", ended.err);
     assert!(ended.err.contains(words), "{}", ended.err);
 }
 
-/// Endings of names count in capitals too.
+/// File endings are recognised in any case.
 #[test]
 fn outputs_in_capitals_are_written() {
     let place = Place::new();
@@ -229,7 +229,7 @@ fn outputs_in_capitals_are_written() {
     png::read(&place.path().join("b.Png")).expect("a picture");
 }
 
-/// A scene of the gallery as a file; one that a file cannot hold is named.
+/// A named scene of the gallery is written; a scene that a file cannot hold is an error.
 #[test]
 fn scenes_that_are_named_are_written() {
     let place = Place::new();
@@ -245,7 +245,7 @@ fn scenes_that_are_named_are_written() {
     fails(place.opsr("scenes write torus"), 2, "torus-in-glass");
 }
 
-/// Layers that no file would hold.
+/// Options for layers that no output file would hold are refused.
 #[test]
 fn layers_with_only_a_png_are_refused() {
     let place = Place::new();
@@ -257,7 +257,7 @@ fn layers_with_only_a_png_are_refused() {
     }
 }
 
-/// A model without light is shown in the studio, and the closing line says so; without any there is no picture.
+/// A model without light gets the studio, with a note in the closing line; without any light there is no picture.
 #[test]
 fn scenes_without_light_are_lit_or_refused() {
     let place = Place::new();
@@ -313,7 +313,7 @@ fn scenes_without_light_are_lit_or_refused() {
     );
 }
 
-/// No output takes the place of a file that the loader has read: textures, buffers, maps.
+/// No output replaces a file that the loader has read: textures, buffers, maps.
 #[test]
 fn outputs_do_not_replace_textures_and_buffers() {
     use crate::support::gltf::{File, png};
@@ -357,7 +357,7 @@ fn outputs_do_not_replace_textures_and_buffers() {
         .done();
 }
 
-/// A choice that is made again keeps what the render said about itself.
+/// A repeated choice among levels keeps the metadata of the render.
 #[test]
 fn resolve_keeps_the_metadata_of_the_render() {
     let place = caustics();
@@ -380,7 +380,7 @@ fn resolve_keeps_the_metadata_of_the_render() {
     ] {
         assert!(again.contains_key(key), "{key}");
     }
-    // The choice itself is the new one.
+    // The metadata have the options of the repeated choice.
     place
         .opsr("resolve a.ckpt --resolve none -o other.exr")
         .done();
@@ -388,12 +388,12 @@ fn resolve_keeps_the_metadata_of_the_render() {
     assert_eq!(other["resolve"].as_str(), "none");
 }
 
-/// The hint for a refused sample is a command, and shows the sample again.
+/// The hint for a rejected sample is a command that reproduces it.
 #[test]
 fn hint_for_a_refused_sample_is_a_command() {
     let place = Place::new();
     let mut parts = crate::support::scenes::point_light_over_plane();
-    // Radiance below it is infinite.
+    // Radiance below the light overflows.
     parts.lights = vec![PunctualLight::Point {
         position: Vec3::new(0.0, 0.05, 0.0),
         intensity: Vec3::splat(3e38),

@@ -4,7 +4,7 @@ use super::Place;
 use crate::fuzz::repair::sealed;
 use opsr_lab::gallery;
 
-/// A split by samples, by crops, and by both, in another order, and at other numbers of threads.
+/// Splits by samples, by crops, and by both, in another order, and with other numbers of threads.
 #[test]
 fn parts_merge_to_the_bytes_of_the_single_render() {
     let place = Place::new();
@@ -169,7 +169,7 @@ fn parts_of_other_renders_are_refused_by_name() {
     }
 }
 
-/// Help lists what a command takes: a part no bounds but samples and nothing of the whole picture, a trace no files, a film one layer.
+/// Help lists the options of each command: a part has no limits except samples and no options of the whole picture.
 #[test]
 fn parts_and_traces_list_their_own_options() {
     let place = Place::new();
@@ -195,7 +195,7 @@ fn parts_and_traces_list_their_own_options() {
     }
 }
 
-/// A part that is stopped, or that a full disk ends, is not there.
+/// A part that is stopped, or that does not fit on the disk, leaves no file.
 #[test]
 #[cfg(unix)]
 fn parts_are_whole_or_not_there() {
@@ -226,7 +226,7 @@ fn parts_are_whole_or_not_there() {
     assert_eq!(place.files().into_keys().collect::<Vec<_>>(), ["scene.glb"]);
 }
 
-/// Numbers that no render makes, behind a right checksum: of a part of later samples, of a checkpoint and of AOVs.
+/// Invalid numbers with a valid checksum: in a part of later samples, a checkpoint and AOVs.
 #[test]
 fn absurd_numbers_behind_a_right_checksum_are_refused() {
     let place = Place::new();
@@ -276,7 +276,7 @@ fn absurd_numbers_behind_a_right_checksum_are_refused() {
         ),
     ] {
         let mut bytes = place.read(file);
-        // Before the checksum.
+        // The last numbers before the checksum.
         let end = bytes.len() - 32;
         bytes[end - number.len()..end].copy_from_slice(&number);
         place.write("absurd", sealed(bytes));

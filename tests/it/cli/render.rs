@@ -42,7 +42,7 @@ fn render_writes_its_outputs_and_nothing_else() {
     assert_eq!(png::read(&place.path().join("out.png")).unwrap(), shown);
 }
 
-/// A lens blurs what is not in focus, and 0 is a pinhole again; wrong uses are named.
+/// A lens blurs surfaces out of focus, and 0 is a pinhole again; wrong uses are errors.
 #[test]
 fn lens_changes_the_picture() {
     let place = Place::new();
@@ -69,7 +69,7 @@ fn lens_changes_the_picture() {
     }
 }
 
-/// A camera that flies away in one second, at frames of that flight.
+/// A camera that moves away during one second, at several frames.
 #[test]
 fn seconds_and_frames_choose_a_moment() {
     let mut file = File::from_glb(&glb::to_glb(&gallery::cornell_box()).unwrap());
@@ -78,7 +78,7 @@ fn seconds_and_frames_choose_a_moment() {
         .iter()
         .position(|n| n.get("camera").is_some())
         .unwrap();
-    // It looks along -z.
+    // Without rotation the camera looks along -z.
     file.json["nodes"][camera] = json!({ "camera": file.json["nodes"][camera]["camera"] });
     let times = file.floats("SCALAR", &[0.0, 1.0]);
     let places = file.floats("VEC3", &[0.0, 1.0, 3.9, 0.0, 1.0, 39.0]);
@@ -114,7 +114,7 @@ fn seconds_and_frames_choose_a_moment() {
     }
 }
 
-/// The closing line says in plain words which files were written and how good they are.
+/// The closing line names the written files and their error in plain words.
 #[test]
 fn summary_line_names_files_samples_time_and_error() {
     let place = Place::new();
@@ -132,14 +132,14 @@ fn summary_line_names_files_samples_time_and_error() {
         assert!(percent.is_some_and(|p| p.is_ok_and(|p| p > 0.0)), "{line}");
     }
     assert!(line.contains(" million paths/s, "), "{line}");
-    // A pipe gets no colours, even from the log.
+    // A pipe gets no colours, not even in the log.
     assert!(
         ended.err.contains("INFO") && !ended.err.contains('\x1b'),
         "{}",
         ended.err
     );
     assert_eq!(ended.out, "");
-    // One sample has no error that is known.
+    // One sample has no error estimate.
     let one = place.opsr("render scene.glb --size 16x8 --spp 1").done();
     assert!(
         one.err.contains("1 spp in ") && !one.err.contains("inf"),
@@ -148,7 +148,7 @@ fn summary_line_names_files_samples_time_and_error() {
     );
 }
 
-/// The exposure of the summary set by hand makes the same PNG file; EXR files know none.
+/// The exposure of the closing line, given as an option, makes the same PNG file; EXR files do not depend on it.
 #[test]
 fn exposure_auto_is_printed_and_leaves_exr_files_alone() {
     let place = Place::new();
@@ -176,12 +176,12 @@ fn exposure_auto_is_printed_and_leaves_exr_files_alone() {
         let (_, exr, png) = render(&args);
         assert!(exr == radiance && (png == auto) == same, "{args}");
     }
-    // Without a PNG file there is nothing to expose.
+    // Without a PNG file there is no exposure.
     let ended = place.opsr("render scene.glb --size 16x16 --spp 1 -o out.exr");
     assert!(!ended.err.contains("exposure"), "{}", ended.err);
 }
 
-/// Glass without a thickness is named with its remedy, by `render` and by `info`.
+/// `render` and `info` warn of glass without a thickness, and name the remedy.
 #[test]
 fn solid_glass_turns_closed_thin_walls_into_bodies() {
     let place = Place::new();
@@ -214,7 +214,7 @@ fn solid_glass_turns_closed_thin_walls_into_bodies() {
     }
 }
 
-/// Tables are for Beckmann lobes, and for scenes of several kinds.
+/// A warning for tables with GGX lobes, and for tables of a single training scene.
 #[test]
 fn table_warns_of_ggx_lobes_and_of_one_training_scene() {
     let place = Place::new();
@@ -241,7 +241,7 @@ fn table_warns_of_ggx_lobes_and_of_one_training_scene() {
     }
 }
 
-/// The shipped tables are known by name where no file has it.
+/// The shipped tables are available by name, unless a file has this name.
 #[test]
 fn table_by_name_is_the_shipped_file() {
     let place = Place::new();
@@ -251,7 +251,7 @@ fn table_by_name_is_the_shipped_file() {
             .render(&format!("--spp 4 -o out.exr --opsr-table {table}"))
             .done();
         let mut layers = exr::read_layers(&place.path().join("out.exr")).expect("layers");
-        // The name by which the table was given.
+        // Only the given name differs.
         layers.metadata.remove("table");
         layers
     };
@@ -268,7 +268,7 @@ fn table_by_name_is_the_shipped_file() {
     assert_eq!(ended.code, Some(3), "{}", ended.err);
 }
 
-/// Every layer by name, and the errors of those that the render has not.
+/// Every layer by name, and errors for layers that the render does not have.
 #[test]
 fn aov_layers_are_written_by_name() {
     let place = Place::new();
@@ -361,7 +361,7 @@ fn exr_size(place: &Place, bytes: &[u8]) -> (usize, usize) {
     (layers.width, layers.height)
 }
 
-/// A file without a camera is seen from the front, wherever its light comes from, and the closing line says so.
+/// A file without a camera is seen from the front, whatever its light, and the closing line reports it.
 #[test]
 fn camera_of_a_file_without_one_is_named() {
     let place = Place::new();
@@ -390,7 +390,7 @@ fn camera_of_a_file_without_one_is_named() {
     }
 }
 
-/// Paths in words add up to the pixel of the picture, and errors of usage say what is wrong.
+/// The printed paths add up to the pixel of the picture, and errors of usage are explained.
 #[test]
 fn trace_prints_the_paths_of_the_render() {
     let place = Place::new();
@@ -446,14 +446,14 @@ fn trace_prints_the_paths_of_the_render() {
     assert_eq!(ended.code, Some(2), "{}", ended.err);
 }
 
-/// The share that a line gives as per cent after some words.
+/// The share that a line states in per cent after some words.
 fn percent_after(line: &str, words: &str) -> Option<f64> {
     let (_, rest) = line.split_once(words)?;
     let (percent, _) = rest.split_once(" %")?;
     Some(0.01 * percent.parse::<f64>().ok()?)
 }
 
-/// The true error is that of `compare`, and statistics say the same as the closing line.
+/// The true error equals that of `compare`, and the statistics equal the closing line.
 #[test]
 fn reference_and_statistics_of_a_render() {
     let place = Place::new();
@@ -485,7 +485,7 @@ fn reference_and_statistics_of_a_render() {
     assert_eq!(stats["window"], serde_json::json!([4, 4, 8, 8]));
     assert_eq!((&stats["spp"], &stats["paths"]), (&4.into(), &256.into()));
     assert_eq!(stats["settings"]["integrator"], "vcm");
-    // The log ends with the same.
+    // The last line of the log has the same numbers.
     let render = format!("render scene.glb --size 16x16 {args} {crop} --stats log.csv -o out.exr");
     place.opsr(&render).done();
     let csv = String::from_utf8(place.read("log.csv")).unwrap();
@@ -495,7 +495,7 @@ fn reference_and_statistics_of_a_render() {
     assert!((number(2) - stats["mean_relative_error"].as_f64().unwrap()).abs() < 1e-9);
     let ended = place.opsr("render scene.glb --spp 1 --stats a.csv --stats b.csv -o out.exr");
     assert_eq!(ended.code, Some(2), "{}", ended.err);
-    // Shown while rendering too.
+    // The progress shows the true error, too.
     let lines = place.opsr(&format!(
         "render scene.glb --size 16x16 {args} --progress json"
     ));
@@ -539,7 +539,7 @@ fn completions_and_manual_pages_know_every_command() {
     assert!(page.contains("exposure") && page.contains("EXAMPLES") || page.contains("Examples"));
 }
 
-/// Options that change the picture, by the keys of its metadata.
+/// Options that change the picture are in its metadata by their keys.
 #[test]
 fn exr_metadata_name_the_options_that_change_the_picture() {
     let place = Place::new();
@@ -584,7 +584,7 @@ fn exr_metadata_name_the_options_that_change_the_picture() {
     }
 }
 
-/// Half floats and every coding hold the same picture, and metadata say how it was made.
+/// Half floats and every compression hold the same picture, and the metadata describe its render.
 #[test]
 fn exr_options_and_metadata() {
     let place = Place::new();
@@ -629,7 +629,7 @@ fn exr_options_and_metadata() {
     }
 }
 
-/// A crop is compared with its place in the full frame, and any layer with its like.
+/// A crop is compared with its window of the full frame, and a layer with the same layer.
 #[test]
 fn compare_crops_and_layers() {
     let place = Place::new();
@@ -674,7 +674,7 @@ fn determinism_of_reproducible_files() {
         place.render(&format!("--spp 4 -o out.exr {args}")).done();
         place.read("out.exr")
     };
-    // Apart from the metadata, which tell the factor.
+    // All data except the metadata, which contain the factor.
     let channels = |args: &str| {
         picture(args);
         exr::read_layers(&place.path().join("out.exr"))
@@ -718,7 +718,7 @@ fn resume_equals_an_uninterrupted_render() {
         .render("--aov --spp 9 -o part.exr --checkpoint a.ckpt --resume")
         .done();
     assert!(place.read("part.exr") == place.read("whole.exr"));
-    // Asked for less than there is, it keeps what there is.
+    // With fewer samples than the checkpoint has, all of them are kept.
     let ended = place
         .render("--aov --spp 5 -o part.exr --checkpoint a.ckpt --resume --verbose")
         .done();
@@ -727,7 +727,7 @@ fn resume_equals_an_uninterrupted_render() {
     assert!(!ended.err.contains("inf"), "{}", ended.err);
 }
 
-/// A checkpoint of another seed is refused, with the difference alone, and one that is far longer than its pixels is not read.
+/// A checkpoint of another seed is refused with only this difference, and one far longer than its pixels is not read.
 #[test]
 fn resume_refuses_checkpoints_that_do_not_fit() {
     let place = Place::new();
@@ -745,7 +745,7 @@ fn resume_refuses_checkpoints_that_do_not_fit() {
     let said = resume("--seed 3");
     let expected = "other settings: it has `seed 0`, this render `seed 3`";
     assert!(said.contains(expected), "{said}");
-    // Sparse: it takes no room.
+    // A sparse file, which takes no disk space.
     let file = std::fs::File::options()
         .write(true)
         .open(place.path().join("a.ckpt"))
@@ -767,7 +767,7 @@ fn time_is_a_number_of_seconds_or_has_a_unit() {
     }
 }
 
-/// Thousands of threads take minutes to find the work of a moment.
+/// Thousands of threads would take minutes to start.
 #[test]
 fn threads_are_few_beside_the_cores() {
     let place = Place::new();
@@ -777,7 +777,7 @@ fn threads_are_few_beside_the_cores() {
     assert!(clock.elapsed().as_secs() < 20);
 }
 
-/// A picture without one whole sample is no finished one.
+/// A picture without a complete sample is not finished.
 #[test]
 fn time_that_ends_within_the_first_sample_is_told() {
     let place = Place::new();
@@ -794,7 +794,7 @@ fn time_that_ends_within_the_first_sample_is_told() {
     }
 }
 
-/// The lines of the log after the checkpoint belong to samples that are lost.
+/// The lines of the log after the checkpoint belong to lost samples.
 #[test]
 fn resume_continues_the_log() {
     let place = Place::new();
@@ -811,7 +811,7 @@ fn resume_continues_the_log() {
     let later = rows.strip_prefix(&early).expect("the earlier rows");
     assert!(later.lines().last().unwrap().starts_with("5,"), "{rows}");
     assert!(!later.contains("4,9"), "{rows}");
-    // Another file is not replaced.
+    // A file that is not a log is not replaced.
     place.write("log.csv", "date,price\n");
     let ended = render("--spp 7 --resume", "log.csv");
     assert_eq!(ended.code, Some(3), "{}", ended.err);
@@ -819,7 +819,7 @@ fn resume_continues_the_log() {
     assert_eq!(place.read("log.csv"), b"date,price\n");
 }
 
-/// A resumed render learns its guide again. Its picture is another than that of the path tracer, and the file names it.
+/// A resumed render learns its guide again. Its picture differs from the path tracer's; the metadata name the guide.
 #[test]
 fn resume_of_a_guided_render_equals_an_uninterrupted_one() {
     let place = Place::new();
@@ -891,7 +891,7 @@ fn resume_refuses_the_checkpoint_of_another_render() {
     }
     let sky = "--spp 4 -o out.exr --checkpoint a.ckpt --resume --env sky.hdr";
     refused(place.render(sky), "another scene", sky);
-    // The file of the scene itself, changed.
+    // The scene's own file has changed.
     place.save(
         "scene.glb",
         &crate::support::scenes::point_light_over_plane(),
@@ -904,7 +904,7 @@ fn resume_refuses_the_checkpoint_of_another_render() {
     );
 }
 
-/// A signal in the middle of a long render: what there is is saved, and the exit code says so.
+/// A signal during a long render: the picture so far is saved, with its own exit code.
 #[test]
 #[cfg(unix)]
 fn exit_code_after_a_signal() {
@@ -918,7 +918,7 @@ fn saved_at(signal: &str) {
     let place = Place::new();
     let args = "render scene.glb --size 16x16 --time 10min --threads 1 --progress none --save-every 1ms \
                 -o out.exr --checkpoint a.ckpt --reproducible";
-    // The checkpoint comes after the picture: with both there the render is under way.
+    // The checkpoint is written after the picture: when it exists, both exist.
     let ended = place.signalled(signal, args, "a.ckpt");
     assert_eq!(ended.code, Some(5), "{signal}: {}", ended.err);
     assert_eq!(
@@ -927,7 +927,7 @@ fn saved_at(signal: &str) {
     );
     let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
     let spp: u32 = layers.metadata["spp"].parse().unwrap();
-    // The checkpoint holds the same samples: going on to one more gives the picture of that many.
+    // The checkpoint has the same samples: resumed for one more, the render equals one with that many.
     let more = spp + 1;
     place
         .render(&format!(
@@ -938,7 +938,7 @@ fn saved_at(signal: &str) {
     assert!(place.read("out.exr") == place.read("whole.exr"));
 }
 
-/// Ctrl-C during a pilot has the exit code of every other stop.
+/// Ctrl-C during a pilot has the exit code of any other stop.
 #[test]
 #[cfg(unix)]
 fn exit_code_of_a_stopped_pilot() {
@@ -962,7 +962,7 @@ fn exit_code_of_a_stopped_pilot() {
     assert!(!place.path().join("out.exr").exists());
 }
 
-/// Every pixel gets the best of its levels; the choice is made again from the checkpoint.
+/// Every pixel gets the best of its levels; the choice can be repeated from the checkpoint.
 #[test]
 fn levels_are_rendered_and_resolved_again() {
     let place = Place::new();
@@ -1013,7 +1013,7 @@ fn levels_are_rendered_and_resolved_again() {
     assert!(file("sharp.exr").channels["R"] != layers.channels["R"]);
 }
 
-/// Several levels are the default wherever a rule can have them.
+/// Several levels are the default of every rule that supports them.
 #[test]
 fn levels_are_the_default_of_tables_and_constants() {
     let place = Place::new();
@@ -1044,7 +1044,7 @@ fn levels_are_the_default_of_tables_and_constants() {
         "--set mode=pbrt",
         "--integrator guided",
         "--integrator bdpt --resolve raw",
-        // Layers that add up to the picture as it is.
+        // These layers must add up to the unchanged picture.
         "--aov direct",
     ] {
         assert_eq!(levels(one), None, "{one}");
@@ -1057,13 +1057,13 @@ fn levels_are_the_default_of_tables_and_constants() {
         "--integrator vcm",
         "--integrator vcm --set connections=nee",
     ] {
-        // Factors have levels unless the metadata say that there are none.
+        // Without levels the metadata of a table's render say so.
         let none = (one == "--opsr-table 0").then_some("none");
         assert_eq!(levels(one).as_deref(), none, "{one}");
         let layers = exr::read_layers(&place.path().join("out.exr")).expect("layers");
         assert_eq!(layers.metadata["resolve"], "default", "{one}");
     }
-    // The bound of an error counts the bias that is left, too, and is that of the picture that is shown.
+    // The bound on the error includes the remaining bias, and applies to the picture that is shown.
     for options in ["--opsr-table 0.3", "", "--resolve none"] {
         let ended = place
             .opsr(&format!(

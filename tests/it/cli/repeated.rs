@@ -1,4 +1,4 @@
-//! Metadata of a picture, typed again, give the picture.
+//! The options in a picture's metadata reproduce the picture.
 
 use super::Place;
 use crate::fuzz::seeds;
@@ -7,7 +7,7 @@ use opsr::render::Opt;
 use opsr_lab::gallery;
 use std::path::Path;
 
-/// Options of every mode, and of what surrounds a scene and its film.
+/// Options of every mode, of scenes and of films.
 const MODES: &[&str] = &[
     "",
     "--resolve raw",
@@ -62,7 +62,7 @@ fn layers(path: &Path) -> Layers {
     exr::read_layers(path).expect("layers")
 }
 
-/// What metadata hold beside the options.
+/// Metadata that are not options.
 const NO_OPTIONS: [&str; 8] = [
     "mean_error",
     "mean_relative_error",
@@ -74,7 +74,7 @@ const NO_OPTIONS: [&str; 8] = [
     "version",
 ];
 
-/// The options that metadata name.
+/// The options in the metadata.
 fn options(layers: &Layers) -> Vec<String> {
     let choices = layers.metadata.iter();
     let choices = choices.filter(|(key, _)| !NO_OPTIONS.contains(&key.as_str()));
@@ -112,7 +112,7 @@ fn metadata_typed_again_give_the_bytes_of_every_mode() {
         let typed = options(&layers(&file("a.exr")));
         render(&typed, "b.exr");
         let [first, again] = ["a.exr", "b.exr"].map(|name| layers(&file(name)));
-        // The method that `auto` chose is named for itself.
+        // The method that `auto` chose is in the metadata.
         assert_eq!(typed, options(&again), "{mode}");
         assert!(first.channels == again.channels, "{mode}: {typed:?}");
         assert!(

@@ -1,4 +1,4 @@
-//! Read-only folders, and the program run by a user other than root, who may write everywhere.
+//! Read-only folders, with the program run by another user than root: root may write everywhere.
 
 use super::{Ended, Place};
 use std::fs::{Permissions, set_permissions};
@@ -8,21 +8,21 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
 
-/// The user and the group who are nobody in particular.
+/// User and group id of `nobody`.
 const NOBODY: u32 = 65534;
 
-/// A place with a folder that is read-only, as long as this lives.
+/// A place with a folder that is read-only during the lifetime of this value.
 pub(super) struct Shut<'a> {
     place: &'a Place,
     folder: PathBuf,
     program: PathBuf,
-    /// Copy of the program, if another user cannot reach the place where it was built.
+    /// Copy of the program, if another user cannot reach the build folder.
     copy: Option<TempDir>,
 }
 
 impl<'a> Shut<'a> {
-    /// Takes away the right to write to a folder. Root gives the whole place to another user, as whom the program then
-    /// runs; `None` on a system where even that stops no one.
+    /// Makes a folder read-only. Root gives the whole place to another user, who then runs the program; `None` on a
+    /// system where the folder can be written nevertheless.
     pub(super) fn new(place: &'a Place, folder: &str) -> Option<Self> {
         let mut shut = Self {
             place,
@@ -50,14 +50,14 @@ impl<'a> Shut<'a> {
     /// Gives the folder and a copy of the program to another user if root runs the tests.
     fn give_away(&mut self) -> std::io::Result<()> {
         let copy = tempfile::tempdir()?;
-        // What we make belongs to us.
+        // Files belong to the user who creates them.
         if copy.path().metadata()?.uid() != 0 {
             return Ok(());
         }
         chown_all(self.place.path())?;
         set_permissions(copy.path(), Permissions::from_mode(0o755))?;
         let program = copy.path().join("opsr");
-        // It has two hundred megabytes.
+        // The program has two hundred megabytes, so a link is preferred.
         std::fs::hard_link(&self.program, &program)
             .or_else(|_| std::fs::copy(&self.program, &program).map(|_| ()))?;
         (self.program, self.copy) = (program, Some(copy));
@@ -73,7 +73,7 @@ impl<'a> Shut<'a> {
         command
     }
 
-    /// Runs the program, stopped by what is read-only.
+    /// Runs the program with the read-only folder.
     pub(super) fn opsr(&self, args: &str) -> Ended {
         let mut command = self.command(&self.program);
         let command = command.args(args.split_whitespace());
@@ -82,7 +82,7 @@ impl<'a> Shut<'a> {
 }
 
 impl Drop for Shut<'_> {
-    /// The folder can be removed again.
+    /// Makes the folder writable, so that it can be removed.
     fn drop(&mut self) {
         let _ = set_permissions(&self.folder, Permissions::from_mode(0o755));
     }

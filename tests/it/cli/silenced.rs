@@ -1,5 +1,5 @@
-//! Commands whose messages cannot be written: standard error is a full device, or a pipe without a reader. The exit code and
-//! the files are those of a run whose messages can be read.
+//! Commands whose messages cannot be written: standard error is a full device, or a pipe without a reader. Exit code
+//! and files are those of a run with messages.
 
 use super::{Ended, Place};
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use std::fs::File;
 use std::path::Path;
 use std::process::Stdio;
 
-/// A scene, a suite of one scene and one method, and the results of what later commands read.
+/// A scene, a suite of one scene and one method, and the inputs of later commands.
 fn place() -> Place {
     let place = Place::new();
     place.write(
@@ -30,7 +30,7 @@ fn place() -> Place {
     place
 }
 
-/// Files below a folder, by their paths.
+/// Files below a folder, by path.
 fn tree(folder: &Path, found: &mut BTreeMap<String, Vec<u8>>) {
     for entry in std::fs::read_dir(folder).expect("a folder") {
         let path = entry.expect("an entry").path();
@@ -44,7 +44,7 @@ fn tree(folder: &Path, found: &mut BTreeMap<String, Vec<u8>>) {
     }
 }
 
-/// A folder with the same files.
+/// A copy of the folder.
 fn copy(place: &Place) -> Place {
     let (made, mut files) = (Place::new(), BTreeMap::new());
     tree(place.path(), &mut files);
@@ -57,7 +57,7 @@ fn copy(place: &Place) -> Place {
     made
 }
 
-/// Runs a command in copies of a folder with its messages, and with them lost in either way.
+/// Runs a command in copies of a folder: with messages, and with messages lost in both ways.
 fn same(original: &Place, args: &str, code: i32) {
     let run = |lost: Option<Stdio>| {
         let place = copy(original);
@@ -150,7 +150,7 @@ fn messages_that_cannot_be_written_end_no_training() {
     same(&place, "scenes reference --manifest list.toml --spp 8", 0);
 }
 
-/// The page of `opsr view` is served without a reader of its messages.
+/// `opsr view` serves its page although its messages have no reader.
 #[test]
 fn messages_that_cannot_be_written_end_no_viewer() {
     use std::io::{BufRead, BufReader};

@@ -1,4 +1,4 @@
-//! Outputs that are no regular files: links are followed, pipes and devices are written into and stay what they are.
+//! Outputs that are not regular files: links are followed, and pipes and devices are written to and stay.
 
 use super::{Ended, Place};
 use crate::fuzz::seeds;
@@ -6,7 +6,7 @@ use opsr::image::exr;
 use std::os::unix::fs::{FileTypeExt, symlink};
 use std::process::{Command, Stdio};
 
-/// A folder with a table and links beside it.
+/// A folder with a table and several links.
 fn place() -> Place {
     let place = Place::new();
     place.write("table.json", &seeds::tables()[1]);
@@ -45,7 +45,7 @@ fn output_pipe_stays_a_pipe_and_gets_the_bytes() {
     assert!(made.is_ok_and(|status| status.success()));
     let export = "table export table.json -o";
     place.opsr(&format!("{export} file.h")).done();
-    // The reader gives up when nobody writes.
+    // The reader ends if nothing is written.
     let mut reader = place.command("timeout");
     reader.args(["60", "cat", "pipe.h"]).stdout(Stdio::piped());
     let reader = reader.spawn().expect("cat");
@@ -71,7 +71,7 @@ fn output_devices_are_written_into() {
     assert!(ended.err.contains("full.h"), "{}", ended.err);
     let shown = place.opsr(&format!("{export} out.h")).done();
     assert!(shown.out.as_bytes() == place.read("file.h"));
-    // Standard output that is a file keeps what is in it.
+    // Standard output that is a file is not replaced.
     let file = std::fs::File::create(place.path().join("said")).expect("a file");
     let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
     command.args(format!("{export} out.h").split_whitespace());
@@ -81,8 +81,8 @@ fn output_devices_are_written_into() {
     assert!(is_link(&place, "full.h") && is_link(&place, "out.h"));
 }
 
-/// Ctrl-C while inputs are read: nothing has to be saved, so the program ends at once. A scene cannot be a pipe, a table
-/// can.
+/// Ctrl-C during loading: nothing needs to be saved, so the program ends at once. Unlike a scene, a table can be a
+/// pipe.
 #[test]
 fn interrupt_while_inputs_load_ends_with_its_exit_code() {
     let place = Place::new();
@@ -92,7 +92,7 @@ fn interrupt_while_inputs_load_ends_with_its_exit_code() {
     let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
     command.args("render scene.glb --opsr-table slow.json -o out.exr --spp 1".split(' '));
     let mut child = command.stderr(Stdio::piped()).spawn().expect("the program");
-    // Opens when the program reads.
+    // This blocks until the program reads.
     let writer = std::fs::OpenOptions::new().write(true).open(&pipe);
     let kill = Command::new("kill")
         .args(["-INT", &child.id().to_string()])

@@ -4,16 +4,16 @@ use super::{Ended, Place};
 use opsr::regularise::file::TableFile;
 use opsr_lab::gallery;
 
-/// A short training of one crop. Options after it override its own.
+/// A short training of one crop. Later options override these.
 pub(super) const TRAIN: &str = "train --set manifest=\"list.toml\" --set spp=2 --set start=0.1 --set validate_every=2 \
                                 --set checkpoint_every=1 --run run --out params --progress none ";
 
-/// A folder with a list of two scenes that have references.
+/// A folder with a manifest of two scenes that have references.
 pub(super) fn place() -> Place {
     place_of(1)
 }
 
-/// The same with this many crops to learn from.
+/// A folder as [`place`] makes it, with this many training crops.
 fn place_of(crops: u32) -> Place {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
@@ -33,7 +33,7 @@ fn place_of(crops: u32) -> Place {
 }
 
 pub(super) fn train(place: &Place, args: &str) -> Ended {
-    // Folders can be given only once.
+    // The options of folders may be given only once.
     let mut all = TRAIN.to_owned();
     for folder in ["--run", "--out"] {
         if args.contains(folder) {
@@ -89,13 +89,13 @@ fn output_is_tables_a_log_and_a_report() {
         assert!((provenance.beta - beta).abs() < 1e-6 && provenance.steps == 4);
         assert_eq!(provenance.scenes.len(), 1, "{:?}", provenance.scenes);
     }
-    // The written settings make the same tables.
+    // The written settings reproduce the tables.
     let before = place.files_in("params");
     place
         .opsr("train --config run/config.toml --run other --out more --progress none")
         .done();
     assert!(place.files_in("more") == before);
-    // A render takes the tables.
+    // A render can use the tables.
     place
         .render("--spp 1 -o out.exr --opsr-table params/beta-0.05.json")
         .done();
@@ -136,7 +136,7 @@ fn resume_gives_the_same_tables() {
     place.write("run/beta-0.001/last.ckpt", &before["last.ckpt"][..99]);
     refused("--steps 9 --resume", "a damaged training checkpoint");
     assert!(place.files_in("params") == whole);
-    // A log that is too long is refused too.
+    // A log that is too long is refused, too.
     place.write("run/beta-0.001/last.ckpt", &before["last.ckpt"]);
     let log = std::fs::File::create(place.path().join("run/beta-0.001/metrics.jsonl"));
     log.unwrap().set_len((1 << 26) + 1).unwrap();
@@ -150,7 +150,7 @@ fn resume_gives_the_same_tables() {
     assert!(place.files_in("params") == whole);
 }
 
-/// Ctrl-C in the middle of a long training.
+/// Ctrl-C during a long training.
 #[test]
 #[cfg(unix)]
 fn resume_after_an_interrupt_gives_the_same_tables() {
@@ -167,7 +167,7 @@ fn resume_after_an_interrupt_gives_the_same_tables() {
     assert!(place.files_in("params") == resumed);
 }
 
-/// Ctrl-C while crops are recorded: those that are done are kept, and the tables come out the same.
+/// Ctrl-C during recording: finished crops are kept, and the tables are the same.
 #[test]
 #[cfg(unix)]
 fn resume_after_an_interrupt_of_the_recording_gives_the_same_tables() {
@@ -187,11 +187,11 @@ fn resume_after_an_interrupt_of_the_recording_gives_the_same_tables() {
     assert!(other.err.contains("run/recordings/00"), "{}", other.err);
     train(&place, &format!("{args} --resume")).done();
     let resumed = place.files_in("params");
-    // Complete, it needs them no longer.
+    // A finished run removes its recordings.
     assert!(!place.path().join("run/recordings").exists());
     train(&place, &format!("{args} --force")).done();
     assert!(place.files_in("params") == resumed);
-    // Progress for programs names the crops.
+    // JSON progress names the crops.
     let args = args.replace("300", "2") + " --force --progress json";
     let all = format!("{TRAIN} {args}").replace("--progress none", "");
     let ended = place.opsr(&all).done();
@@ -204,7 +204,7 @@ fn resume_after_an_interrupt_of_the_recording_gives_the_same_tables() {
     );
 }
 
-/// A table or a run that is there is replaced with `--force` only.
+/// An existing table or run is replaced only with `--force`.
 #[test]
 fn force_is_needed_to_overwrite_tables_and_runs() {
     let place = place();
@@ -243,7 +243,7 @@ fn force_is_needed_to_overwrite_tables_and_runs() {
     for folder in ["other", "none"] {
         assert!(!place.path().join(folder).exists(), "{folder}");
     }
-    // A resumed run replaces its own table, not one that somebody else put there.
+    // A resumed run replaces its own table, but no other table.
     train(&place, "--steps 4 --resume").done();
     place.write("params/beta-0.001.json", "another table");
     let ended = train(&place, "--steps 5 --resume");
@@ -251,7 +251,7 @@ fn force_is_needed_to_overwrite_tables_and_runs() {
     assert!(place.read("params/beta-0.001.json") == b"another table");
     train(&place, "--steps 3 --force").done();
     assert!(place.files_in("params") == before[2]);
-    // Presets have names of their own.
+    // Tables of presets have names of their own.
     train(&place, "--preset fast --steps 2 --run fast").done();
     train(&place, "--preset published --steps 2 --run published").done();
     let names: Vec<String> = place.files_in("params").into_keys().collect();
@@ -294,27 +294,27 @@ fn errors_name_the_setting_or_file() {
         assert_eq!(ended.code, Some(3), "{args}: {}", ended.err);
         assert!(ended.err.contains(words), "{args}: {}", ended.err);
     }
-    // Without references there is nothing to learn from.
+    // Without references a training is impossible.
     std::fs::remove_dir_all(place.path().join("references")).unwrap();
     let ended = train(&place, "--steps 1");
     assert_eq!(ended.code, Some(3), "{}", ended.err);
     assert!(ended.err.contains("there is no reference"), "{}", ended.err);
 }
 
-/// `opsr record`, of the settings of `extra`.
+/// Runs `opsr record` with the settings in `extra`.
 fn record(place: &Place, extra: &str) -> Ended {
     let settings = "--set manifest=\"list.toml\" --set spp=2 --set start=0.1";
     place.opsr(&format!("record {settings} {extra}"))
 }
 
-/// Tables of recordings that other processes made, in any order, are those of a training that records itself.
+/// Recordings of other processes, in any order, give the same tables as a training that records itself.
 #[test]
 fn recordings_of_several_processes_give_the_same_tables() {
     let place = place_of(2);
     let args = "--steps 5 --beta 0.001,0.05";
     train(&place, args).done();
     let whole = place.files_in("params");
-    // Three recordings: of two training crops and one for validation. Settings of the learning do not matter.
+    // Three recordings: two training crops and one for validation. Settings of the learning do not affect them.
     record(
         &place,
         "--recordings shards --crops 1..3 --threads 1 --beta 3",
@@ -335,10 +335,10 @@ fn recordings_of_several_processes_give_the_same_tables() {
     assert_eq!(shards.len(), 3);
     train(&place, &learn).done();
     assert!(place.files_in("mine") == whole);
-    // They stay, for other trainings.
+    // These recordings are kept for other trainings.
     assert!(place.files_in("shards") == shards);
     assert!(!place.path().join("other/recordings").exists());
-    // Whole ones are not made again.
+    // Complete recordings are not repeated.
     let said = record(&place, "--recordings shards").done().err;
     assert!(
         said.contains("shards: recordings of 3 of 3 crops"),
@@ -349,7 +349,7 @@ fn recordings_of_several_processes_give_the_same_tables() {
     for folder in ["mine", "other"] {
         std::fs::remove_dir_all(place.path().join(folder)).unwrap();
     }
-    // Other settings, half of a file, and one that belongs to nobody.
+    // Other settings, half of a file, and a file of no crop.
     let first = "shards/001-a-28-32.recording";
     let bytes = place.read(first);
     record(&place, "--recordings more --crops 1..2 --seed 1").done();

@@ -1,4 +1,4 @@
-//! The report of a training: names of tables, scores, settings that are refused.
+//! The report of a training: names of tables, scores, refused settings.
 
 use super::Place;
 use opsr::regularise::Lookup;
@@ -82,7 +82,7 @@ fn loss(scores: &Value, i: usize) -> f64 {
 #[test]
 fn report_scores_tables_beside_constants() {
     let place = ready();
-    // Existing references are not rendered again.
+    // Existing references are kept.
     let first = place.read("references/kept_0_32.exr");
     (place.opsr("scenes reference --manifest list.toml --spp 96")).done();
     assert!(place.read("references/kept_0_32.exr") == first);
@@ -98,7 +98,7 @@ fn report_scores_tables_beside_constants() {
 
     let report = json(place.read("run/report.json"));
     let page = page(&place);
-    // Ink on the page's own colour, dark or light.
+    // Ink on the background of the page, dark or light.
     assert!(page.contains("fill=\"currentColor\"") && !page.contains("background: #fff"));
     for word in [
         "glass 24,32",
@@ -134,7 +134,7 @@ fn report_scores_tables_beside_constants() {
             .collect();
         assert_eq!(steps, [0, 2, 4]);
 
-        // No constant is better than the best one, and a table is no worse on the crops that it was learned from.
+        // No constant is better than the best one, and a table is not much worse on its training crops.
         let learned = &report["tables"][i];
         let training = &learned["training"];
         assert_eq!(training[0]["name"], "best constant of these crops");
@@ -142,7 +142,7 @@ fn report_scores_tables_beside_constants() {
         assert!(loss(training, 2) <= loss(training, 0) * 1.02, "{training}");
         let validation = &learned["validation"];
         assert!(loss(validation, 0) <= loss(validation, 1) * 1.000_001);
-        // A scale in hindsight is reported for validation crops only.
+        // A scale chosen with hindsight is reported only for validation crops.
         let name = |scores: &Value, i: usize| scores[i]["name"].as_str().unwrap().to_owned();
         assert_eq!(name(validation, 3), "learned table, best scale");
         assert!(
@@ -166,7 +166,7 @@ fn table_files_are_named_after_the_lookup() {
     let file = TableFile::load(&path).expect("a table");
     assert_eq!(file.table.lookup, Lookup::Linear);
     let about = file.provenance.expect("provenance");
-    // A family that is held out is scored, not learned from.
+    // A held-out family is scored, but not learned from.
     assert_eq!(about.scenes.len(), 1);
     let report = json(place.read("run/report.json"));
     assert_eq!(report["names"], serde_json::json!(["glass 24,32"]));
@@ -211,13 +211,13 @@ fn errors_before_training_name_the_setting_or_file() {
         assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
         assert!(ended.err.contains(word), "{args}: {}", ended.err);
     }
-    // A reference with another seed is refused.
+    // A reference of another seed is refused.
     std::fs::remove_file(place.path().join("references/kept_0_32.exr")).expect("removed");
     (place.opsr(&format!("{reference} --scene kept --seed 9"))).done();
     let ended = place.opsr(&format!("{QUICK} {run}"));
     assert_eq!(ended.code, Some(3), "{}", ended.err);
     assert!(ended.err.contains("kept_0_32.exr: its "), "{}", ended.err);
-    // A file where the folder of tables should be.
+    // A file in place of the folder.
     let ended = place.opsr(&format!("{QUICK} --run scene.glb/run --out tables"));
     assert_eq!(ended.code, Some(4), "{}", ended.err);
 }

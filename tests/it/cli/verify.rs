@@ -1,4 +1,4 @@
-//! `opsr verify`: every subject at the size of tests; planted faults are found, and exit codes say so.
+//! `opsr verify`: every subject at test size; planted faults are detected, with their exit codes.
 
 use super::{Ended, Place};
 use opsr_lab::verify::{NUMERIC, Size, images, simple::Fault, soak};
@@ -48,7 +48,7 @@ fn verify_render_finds_a_planted_fault() {
             "planted missing-eta2: found"
         ]
     );
-    // A picture 1 % too bright is beyond so few samples.
+    // So few samples cannot detect a picture 1 % too bright.
     let ended = verify("render --plant brightness");
     assert_eq!(ended.code, Some(1), "{}", ended.out);
     let missed = "planted brightness: NOT FOUND";

@@ -7,7 +7,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use std::fs::File;
 use std::process::{Command, Stdio};
 
-/// Factor of the surplus of roughness, and roughness of the vertices.
+/// Scale of the surplus of roughness, and roughness of the vertices.
 type TestPath = (f32, Vec<f32>);
 
 /// Paths of 1 to 8 vertices; many roughness values are 0, 1, on the edge of a bin or one ulp below it.
@@ -30,7 +30,7 @@ fn paths(count: usize) -> Vec<TestPath> {
         .collect()
 }
 
-/// α′ at every vertex by the library.
+/// α′ at every vertex, computed by the library.
 fn expected(table: &AttenuationTable, paths: &[TestPath]) -> Vec<f32> {
     let mut out = Vec::new();
     for (shrink, alphas) in paths {
@@ -76,7 +76,7 @@ int main(void)
 }
 "#;
 
-/// Compiles the HLSL dialect of the include as C++, after the words that C++ lacks.
+/// The HLSL dialect of the include file, compiled as C++ with the missing functions.
 const SHADER_DRIVER: &str = r#"
 #include <algorithm>
 #include <cmath>
@@ -132,9 +132,9 @@ fn compiled_agrees(
     flags: &[&str],
 ) {
     let paths = paths(100_000);
-    // The nearest look-up uses the four operations only: bit-identical. Roots and powers of two differ by some bits
-    // between mathematics libraries, and so does α′. After a fold α′ is an argument of the root, which near 0 turns an
-    // error of 1e-7 into 3e-4 of the bin coordinate.
+    // The nearest look-up uses only the four basic operations, so it is bit-identical. Roots and powers of two differ
+    // in some bits between mathematics libraries, and so does α′. After a fold α′ is an argument of the root, which
+    // near 0 turns an error of 1e-7 into 3e-4 of the bin coordinate.
     for (lookup, scale, tolerances) in [
         (Lookup::Nearest, 1.0, [0.0, 0.0]),
         (Lookup::Nearest, 1.25, [0.0, 0.0]),
@@ -306,7 +306,7 @@ fn shader_include_is_valid_slang_and_hlsl() {
 
 #[test]
 fn bin_and_bin_coordinate_share_their_edges() {
-    // The exported code relies on this: the coordinate is exactly 3 at the last edge and at most 3 below.
+    // The exported code relies on a coordinate of exactly 3 at the last edge and at most 3 below.
     assert_eq!(bin_coordinate(BIN_EDGES[2]), 3.0);
     assert!(bin_coordinate(BIN_EDGES[2].next_down()) <= 3.0);
 }

@@ -1,7 +1,7 @@
-//! The loop of a host's path tracer in `docs/renderers.md`, before and after, compiled and run.
+//! The loop of a host path tracer in `docs/renderers.md`, before and after regularisation, compiled and run.
 //!
-//! The host is a world in which integrals are sums: directions are the points of a circle of length 1, one arc of it is a
-//! light, and every other ray meets the next of three surfaces. A lobe of roughness α is a triangle of half-width α / 2.
+//! In the host, integrals are sums: directions are points of a circle of length 1, an arc of which is a light. Every
+//! other ray hits the next of three surfaces. A lobe of roughness α is a triangle of half-width α / 2.
 
 use super::{succeeded, tool};
 use crate::support::root;
@@ -10,7 +10,7 @@ use opsr::regularise::file::TableFile;
 use opsr::regularise::{AttenuationTable, PathRoughness};
 use std::process::Command;
 
-/// Roughness of the surfaces in the order in which paths meet them.
+/// Roughness of the surfaces, in the order of the path.
 const ALPHAS: [f32; 3] = [1.0, 0.04, 0.1];
 const ALBEDO: f64 = 0.8;
 /// First direction and length of the light's arc, and its radiance.
@@ -18,8 +18,8 @@ const LIGHT: [f64; 3] = [0.4, 0.02, 30.0];
 /// Direction of camera rays.
 const CAMERA: f64 = 0.1;
 
-/// What the listings expect of their host, and a program that prints mean, standard error of the mean and number of
-/// paths on which both loops agree to the last bit.
+/// The definitions that the listings need, and a program that prints mean, standard error of the mean and the number of
+/// paths on which both loops are bit-identical.
 const HOST: &str = r#"
 #include <math.h>
 #include <stdbool.h>
@@ -117,7 +117,7 @@ int main(void)
 }
 "#;
 
-/// Listings in C of the page for renderer engineers: the loop before and the loop after, and the choice among levels.
+/// C listings of the page for renderer engineers: the loop before and after, and the choice among levels.
 pub(super) fn listings() -> [String; 3] {
     let page = root().join("docs/renderers.md");
     let text = std::fs::read_to_string(page).expect("the page");
@@ -127,13 +127,13 @@ pub(super) fn listings() -> [String; 3] {
     blocks.try_into().expect("three listings in C")
 }
 
-/// Density of a lobe of roughness `alpha` at the distance `d` of two directions on the circle.
+/// Density of a lobe of roughness `alpha` for two directions at distance `d` on the circle.
 fn lobe(d: f64, alpha: f32) -> f64 {
     let (d, half) = (d - d.round(), 0.5 * f64::from(alpha));
     (1.0 - d.abs() / half).max(0.0) / half
 }
 
-/// Light that the camera sees, where the last surface of a path is evaluated at the roughness that `last` has for it.
+/// Light at the camera if the last surface of each path is evaluated at its roughness in `last`.
 fn integral(last: [f32; 3]) -> f64 {
     const CELLS: usize = 4000;
     let middle = |i: usize| (i as f64 + 0.5) / CELLS as f64;
@@ -142,7 +142,7 @@ fn integral(last: [f32; 3]) -> f64 {
         let terms = from.iter().map(|&(w, power)| power * lobe(to - w, alpha));
         ALBEDO * terms.sum::<f64>()
     };
-    // Directions in which light would come to a surface, and the power of the path behind each.
+    // Directions of rays to a surface, each with the power of its path.
     let mut arriving = vec![(CAMERA, 1.0)];
     let mut sum = 0.0;
     for (alpha, last) in ALPHAS.into_iter().zip(last) {
@@ -161,8 +161,8 @@ fn integral(last: [f32; 3]) -> f64 {
     sum
 }
 
-/// Compiles and runs the listings with a table, the second one as given; mean and standard error of both loops, and the
-/// number of 10,000 paths on which they agree. `None` where there is no C compiler.
+/// Compiles and runs the listings with a table, the second one replaced by `after`. Returns mean and standard error of
+/// both loops, and the number of 10,000 paths on which they agree; `None` without a C compiler.
 fn run(table: &TableFile, after: &str) -> Option<[[f64; 2]; 3]> {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
@@ -195,7 +195,7 @@ fn run(table: &TableFile, after: &str) -> Option<[[f64; 2]; 3]> {
     Some([(); 3].map(|()| [(); 2].map(|()| numbers.next().unwrap())))
 }
 
-/// Roughness of each surface where a path ends there.
+/// Roughness of each surface as the last one of a path.
 fn roughened(table: &AttenuationTable) -> [f32; 3] {
     let mut path = PathRoughness::default();
     ALPHAS.map(|alpha| {
@@ -226,7 +226,7 @@ fn loops_of_the_document_have_the_means_of_integrals() {
             "{mean} ± {error}, {expected}"
         );
     }
-    // The two means can be told apart, and the second has less noise.
+    // The means differ significantly, and the second has less noise.
     assert!(
         (before[0] - after[0]).abs() > 20.0 * before[1],
         "{before:?}, {after:?}"

@@ -11,7 +11,7 @@ use rand::{RngExt, SeedableRng};
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Table in which every factor is different, and the scale takes some of them above 1.
+/// A table in which all factors differ; the scale raises some of them above 1.
 fn table(lookup: Lookup, scale: f32) -> TableFile {
     let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(11);
     let mut table = AttenuationTable {
@@ -41,7 +41,7 @@ fn table(lookup: Lookup, scale: f32) -> TableFile {
     }
 }
 
-/// Runs a tool; prints a message and gives `None` if the machine does not have it. Where there is cargo, there is rustc.
+/// Runs a tool; `None`, with a message, if the machine does not have it. Where cargo is, rustc is, too.
 fn tool(folder: &Path, name: &str, arguments: &[&str]) -> Option<Output> {
     let run = Command::new(name)
         .args(arguments)
@@ -100,7 +100,7 @@ fn export_command_by_file_name_extension() {
     );
     assert!(!output.status.success() && !at("t.table").exists());
     assert!(String::from_utf8_lossy(&output.stderr).contains("--format"));
-    // Exit code 3 for a damaged input, 4 for a missing output folder; neither leaves a file.
+    // Exit code 3 for a damaged input and 4 for a missing output folder; neither leaves a file.
     std::fs::write(at("bad.json"), "{}").unwrap();
     let output = opsr(
         folder.path(),

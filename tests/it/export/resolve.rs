@@ -1,4 +1,4 @@
-//! The choice among levels as a C header: compiled in the listing of `docs/renderers.md`, and compared with the library on pictures.
+//! The choice among levels as a C header: compiled with the listing of `docs/renderers.md`, and compared on pictures.
 
 use super::host::listings;
 use super::{succeeded, table, tool};
@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Without an argument the header's own test picture, else the choice of a film from standard input.
+/// Without an argument it runs the header's own test picture, else the choice for a film from standard input.
 const DRIVER: &str = r#"
 #include "listing.c"
 #include <stdio.h>
@@ -45,7 +45,7 @@ int main(int argc, char **argv)
 }
 "#;
 
-/// Light by level, batch, pixel and channel, the shared light last, and features by pixel.
+/// Light by level, batch, pixel and channel, with the light common to all levels last, and features by pixel.
 struct Arrays {
     size: [usize; 2],
     levels: usize,
@@ -58,7 +58,7 @@ impl Arrays {
         self.size[0] * self.size[1]
     }
 
-    /// A film of one sample a batch.
+    /// A film of one sample per batch.
     fn film(&self) -> LevelFilm {
         let size = UVec2::new(self.size[0] as u32, self.size[1] as u32);
         let mut film = LevelFilm::new(size, Window::full(size), self.levels);
@@ -81,7 +81,7 @@ impl Arrays {
         film
     }
 
-    /// Two surfaces, a column of pixels that show both, light in rare hits at sharp levels, and noise.
+    /// Two surfaces with a column of pixels that show both, rare hits at sharp levels, and noise.
     fn random(seed: u64) -> Self {
         let (size, levels) = ([37, 29], 4);
         let pixels = size[0] * size[1];
@@ -128,8 +128,8 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
     words.map(f32::from_ne_bytes).collect()
 }
 
-/// Runs the program on a film and compares what it chooses. Where two candidates are as good to the last digits either may
-/// be chosen.
+/// Runs the program on a film and compares its choice. Of two candidates that are equal up to the last digits, either
+/// may be chosen.
 fn compare(program: &Path, arrays: &Arrays, how: Resolve, smoothing: u32) {
     let resolved = resolve_film(&arrays.film(), how);
     let (error, stated) = (resolved.error(), resolved.statement().mean);
@@ -199,7 +199,7 @@ fn c_chooses_as_the_library_does() {
     };
     succeeded("cc", &output);
     let program = at("program");
-    // The header's test picture, its expected values, and the library's.
+    // The header's test picture: its expected values, and those of the library.
     let output = Command::new(&program).output().unwrap();
     succeeded("the test of the header", &output);
     let numbers = floats(&output.stdout);

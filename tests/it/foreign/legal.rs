@@ -1,4 +1,4 @@
-//! What is legal in pbrt and Mitsuba, and what they make of it.
+//! Legal input of pbrt and Mitsuba, and its results.
 
 use super::nearest::{png, usual, with_files, xml};
 use super::{message, read};
@@ -6,7 +6,7 @@ use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::load::{Loaded, Unsupported};
 use opsr::scene::{Material, Projection, Scene};
 
-/// A scene of pbrt that is read without a word.
+/// A pbrt scene that is read without warnings.
 fn silent(text: &str, files: &[(&str, Vec<u8>)]) -> Loaded {
     let loaded = with_files("a.pbrt", text, files, Unsupported::Error);
     let loaded = loaded.unwrap_or_else(|e| panic!("{text}: {e}"));
@@ -20,7 +20,7 @@ fn last(loaded: &Loaded) -> &Material {
     &loaded.parts.materials[mesh.material as usize]
 }
 
-/// Parameters of pbrt-v3 `[PBRT3 §10.4, §9.3, §12.2, §6.2]`, and no exposure by its shutter, which has no imaging ratio.
+/// Parameters of pbrt-v3 `[PBRT3 §10.4, §9.3, §12.2, §6.2]`; its shutter does not change the exposure.
 #[test]
 fn foreign_parameters_of_pbrt_3_are_taken() {
     let files = [("a.png", png(5, 4))];
@@ -58,7 +58,7 @@ fn foreign_parameters_of_pbrt_3_are_taken() {
     assert_eq!(last(&new).emission, Rgb::ONE);
 }
 
-/// Options of pbrt-v4 are names with a value; those of a type are let pass, and others are errors.
+/// Options of pbrt-v4 are names with a value, and maybe a type; unknown ones are errors.
 #[test]
 fn foreign_options_of_pbrt_are_known_by_name() {
     for option in [
@@ -80,14 +80,15 @@ fn foreign_options_of_pbrt_are_known_by_name() {
     );
 }
 
-/// Coordinates by position are a mesh's second pair, in the space of the texture: those of pbrt's book at every corner, and near to them in
-/// the middle of every face, without a jump where they go round `[PBRT4 §10.2]`.
+/// Coordinates by position are a mesh's second pair, in the texture's space. They are those of pbrt's book at every
+/// corner and close to them in every face, without a jump at the seam `[PBRT4 §10.2]`.
 #[test]
 fn foreign_mappings_of_pbrt_are_coordinates_of_their_meshes() {
     use std::f32::consts::{PI, TAU};
     let plane = "planar\" \"vector3 v1\" [ 1 0 2 ] \"vector3 v2\" [ 0 -1 0 ] \"float udelta\" 0.5";
     let square = "trianglemesh\" \"point3 P\" [ -1 -1 0.5  2 -1 0  2 1 0  -1 1 0.5 ] \"integer indices\" [ 0 1 2 0 2 3 ]";
-    // These are symmetric about the plane z = 0 of the texture's space, where edges that bend are straight in the middle.
+    // Both are symmetric about the plane z = 0 of the texture's space, where edges that bend do not deviate in the
+    // middle.
     let tall = "cylinder\" \"float zmin\" -10.2 \"float zmax\" 9.8";
     let upright = "trianglemesh\" \"point3 P\" [ 1 -1 -1.2  1 1 -1.2  1 1 0.8  1 -1 0.8 ] \"integer indices\" [ 0 1 2 0 2 3 ]";
     let other = upright.replace("[ 0 1 2 0 2 3 ]", "[ 0 1 3 1 2 3 ]");
@@ -128,7 +129,7 @@ fn foreign_mappings_of_pbrt_are_coordinates_of_their_meshes() {
             for face in &mesh.indices {
                 let corners = face.map(|i| mesh.positions[i as usize]);
                 let uvs = face.map(|i| mesh.second_uvs[i as usize]);
-                // To the texture's space.
+                // The transform to the texture's space.
                 let at = |p: Vec3| (p - 3.0 * Vec3::X) / Vec3::new(2.0, 1.0, 1.0);
                 let middle = at(corners.iter().sum::<Vec3>() / 3.0);
                 if mapping == plane || middle.truncate().length() > 0.05 {
@@ -150,7 +151,7 @@ fn foreign_mappings_of_pbrt_are_coordinates_of_their_meshes() {
     }
 }
 
-/// The mapping of the base colour wins over another, and coordinates of the mesh stay beside it.
+/// The mapping of the base colour takes precedence, and the mesh keeps its own coordinates.
 #[test]
 fn foreign_mappings_of_pbrt_meet_in_one_material() {
     let files = [("a.png", png(5, 4))];
@@ -188,7 +189,7 @@ fn foreign_mappings_of_pbrt_meet_in_one_material() {
     let said = "line 5: a second mapping of one surface is not supported: shown as the first";
     assert_eq!(two.warnings, [said]);
     assert_eq!(two.parts.meshes[0].second_uvs, mesh.second_uvs);
-    // Bumps along x by a mapping are tilted along x, whatever the disk's own coordinates are.
+    // Bumps along x by a mapping tilt normals along x, whatever the disk's own coordinates are.
     let bumps = scene("Material \"diffuse\" \"texture displacement\" \"plane\"\nShape \"disk\"");
     assert!(last(&bumps).normal_texture.is_some_and(|map| map.second));
     let tangents = &bumps.parts.meshes[0].tangents;
@@ -206,7 +207,7 @@ fn foreign_mappings_of_pbrt_meet_in_one_material() {
     );
 }
 
-/// A control mesh is shown as its limit surface, with the front where pbrt has it: on the clockwise side.
+/// A control mesh becomes its limit surface, with pbrt's front: the clockwise side.
 #[test]
 fn foreign_subdivision_of_pbrt_is_made() {
     let cube = "\"point3 P\" [ 0 0 0  1 0 0  0 1 0  1 1 0  0 0 1  1 0 1  0 1 1  1 1 1 ] \"integer indices\" \
@@ -231,7 +232,7 @@ fn foreign_subdivision_of_pbrt_is_made() {
     assert_eq!((same, again), (count, three));
     let (count, five) = volume("\"integer levels\" 5");
     assert_eq!(count, 12 * 1024);
-    // Inside out, and as large at any level.
+    // The surface is inside out, with the same volume at any level.
     assert!(
         three < 0.0 && (three / five - 1.0).abs() < 0.02,
         "{three} {five}"
@@ -254,7 +255,7 @@ fn foreign_subdivision_of_pbrt_is_made() {
     );
 }
 
-/// Four colours are blended over [0, 1]², v upwards, and continue at its edges; a mixture by direction is an even one.
+/// Four colours are blended over [0, 1]², v upwards, and clamped outside; a mixture by direction becomes an even one.
 #[test]
 fn foreign_blends_of_pbrt_are_textures() {
     let texture = |class: &str| {
@@ -277,7 +278,7 @@ fn foreign_blends_of_pbrt_are_textures() {
             "{u} {v}: {r} {g} {b}"
         );
     }
-    // Heights have their slope, to the border.
+    // Heights have their slope up to the border.
     let heights = "WorldBegin Texture \"h\" \"float\" \"bilerp\" \"float v00\" 0 \"float v01\" 0 \"float v10\" 1 \"float v11\" 1 \
         Material \"diffuse\" \"texture displacement\" \"h\" Shape \"trianglemesh\" \
         \"point3 P\" [ -1 -1 0 1 -1 0 1 1 0 -1 1 0 ] \"point2 uv\" [ 0 0 1 0 1 1 0 1 ] \"integer indices\" [ 0 1 2 0 2 3 ]";
@@ -301,7 +302,7 @@ fn foreign_blends_of_pbrt_are_textures() {
     );
 }
 
-/// Presets of media are those of Jensen et al. 2001; whole milk without one.
+/// Presets of media are those of Jensen et al. 2001; the default is whole milk.
 #[test]
 fn foreign_presets_of_media_are_known() {
     let medium = |more: &str| {
@@ -321,7 +322,7 @@ fn foreign_presets_of_media_are_known() {
     );
     let milk = (Rgb::new(2.55, 3.21, 3.77), Rgb::new(0.0011, 0.0024, 0.014));
     assert_eq!(medium(""), milk);
-    // Version 4 reads no coefficients beside a preset.
+    // Version 4 ignores coefficients next to a preset.
     let more = "\"rgb sigma_s\" [1 2 3]";
     assert_eq!(
         medium(&format!("\"string preset\" \"Wholemilk\" {more}")),
@@ -339,7 +340,7 @@ fn foreign_presets_of_media_are_known() {
     );
 }
 
-/// Values out of their range are errors, or named if they are shown otherwise.
+/// Values out of range are errors, or warnings if they are shown differently.
 #[test]
 fn foreign_values_out_of_range_are_not_let_pass() {
     let pbrt = |line: &str| format!("WorldBegin\nMaterial {line}\nShape \"disk\"");
@@ -400,7 +401,7 @@ fn foreign_values_out_of_range_are_not_let_pass() {
     );
 }
 
-/// Materials and objects may be declared after their use; one that never is, is an error where it is used.
+/// Materials and objects may be declared after their use; an undeclared name is an error where it is used.
 #[test]
 fn foreign_names_of_pbrt_may_be_declared_later() {
     let text = "WorldBegin\nAttributeBegin Translate 0 0 2 NamedMaterial \"red\" Shape \"disk\" AttributeEnd\n\
@@ -450,7 +451,7 @@ fn reflectance(material: &Material) -> Rgb {
     Rgb::new(of(0), of(1), of(2))
 }
 
-/// A metal by its reflectance has the index that pbrt makes of it, under a layer too; one without data is bright.
+/// A metal given by its reflectance has pbrt's index, also under a layer; a metal without data is bright.
 #[test]
 fn foreign_metals_of_pbrt_reflect_what_they_say() {
     let metal = |line: &str| {
@@ -461,7 +462,7 @@ fn foreign_metals_of_pbrt_reflect_what_they_say() {
     };
     let bare = metal("\"conductor\" \"rgb reflectance\" [ 0.5 0.2 0.9 ]");
     assert!(reflectance(last(&bare)).distance(Rgb::new(0.5, 0.2, 0.9)) < 1e-4);
-    // k = 2 √0.5 / √0.5, and both over the layer's 1.5.
+    // k = 2 √0.5 / √0.5, and both relative to the layer's 1.5.
     let under = reflectance(last(&metal(
         "\"coatedconductor\" \"rgb reflectance\" [ 0.5 0.5 0.5 ]",
     )));
@@ -487,13 +488,13 @@ fn foreign_metals_of_pbrt_reflect_what_they_say() {
             loaded.warnings
         );
     }
-    // Another spectrum may end like one of a metal.
+    // Another spectrum may end like that of a metal.
     let other = metal("\"conductor\" \"spectrum k\" \"foo-k\"").warnings;
     let said = "spectrum `foo-k` is not supported: shown as 1 at all wavelengths";
     assert!(other.iter().any(|w| w.contains(said)), "{other:?}");
 }
 
-/// What the camera sees of a rectangle of this BSDF, which emits 1 before a sky of 0.5, along many rays: the mean.
+/// Mean radiance of a rectangle with this BSDF, which emits 1 in front of a sky of 0.5, and the warnings.
 fn lamp(bsdf: &str, files: &[(&str, Vec<u8>)]) -> (f64, Vec<String>) {
     let text = xml(&format!(
         "<shape type=\"rectangle\">{bsdf}<emitter type=\"area\"><rgb name=\"radiance\" value=\"1\"/></emitter></shape>\n\
@@ -508,7 +509,7 @@ fn lamp(bsdf: &str, files: &[(&str, Vec<u8>)]) -> (f64, Vec<String>) {
     (super::mean(&film).0, loaded.warnings)
 }
 
-/// In Mitsuba neither `null` nor a mask takes light from the emitter of its shape.
+/// In Mitsuba neither `null` nor a mask dims the emitter of its shape.
 #[test]
 fn foreign_lamps_with_holes_emit_all_of_their_light() {
     let mask = |opacity: &str| {
@@ -521,7 +522,7 @@ fn foreign_lamps_with_holes_emit_all_of_their_light() {
     for (bsdf, expected, words) in [
         ("<bsdf type=\"null\"/>".to_owned(), 1.5, &said[..]),
         (number(0.0), 1.5, &said[..]),
-        // 0.6 of the sky.
+        // The emission, and 0.6 of the sky.
         (number(0.4), 1.3, &[]),
         (number(1.0), 1.0, &[]),
     ] {
@@ -537,7 +538,7 @@ fn foreign_lamps_with_holes_emit_all_of_their_light() {
     );
 }
 
-/// Where u is 0 and a quarter on a cylinder along this axis: Mitsuba 3.9's `uv` there is so.
+/// Points of a cylinder along this axis where u is 0 and a quarter, as `uv` of Mitsuba 3.9.
 #[test]
 fn foreign_textures_of_cylinders_begin_where_mitsuba_has_them() {
     for (axis, zero, quarter) in [
@@ -569,7 +570,7 @@ fn foreign_textures_of_cylinders_begin_where_mitsuba_has_them() {
     }
 }
 
-/// A sensor of another scale along x than along y is named.
+/// A sensor with different scales along x and y causes a warning.
 #[test]
 fn foreign_sensors_of_two_scales_are_named() {
     let sensor = |x: f32| {
@@ -586,7 +587,7 @@ fn foreign_sensors_of_two_scales_are_named() {
     );
 }
 
-/// A medium by constant volumes is one by their values.
+/// A medium of constant volumes has their values.
 #[test]
 fn foreign_constant_volumes_are_values() {
     let volume = |name: &str, value: &str| {
@@ -621,7 +622,7 @@ fn foreign_constant_volumes_are_values() {
     );
 }
 
-/// TGA images are known by their names; one that says more than it holds is an error.
+/// TGA images are recognised by their names; one with too few texels is an error.
 #[test]
 fn foreign_tga_images_are_read() {
     // 2 × 1 texels of 24 bits from the top left, blue first.
@@ -646,7 +647,7 @@ fn foreign_tga_images_are_read() {
     );
 }
 
-/// The tint of a pane's reflection takes light from what is reflected alone.
+/// The tint of a pane's reflection only dims the reflection.
 #[test]
 fn foreign_tints_of_a_panes_reflection_add_no_light_behind_it() {
     let text = xml("<emitter type=\"constant\"/>\n\
@@ -658,7 +659,7 @@ fn foreign_tints_of_a_panes_reflection_add_no_light_behind_it() {
     let render = opsr::Render::new(&scene).size(2, 2).spp(4096).raw();
     let picture = render.run().expect("a picture").shown.picture;
     let found = picture.pixels.iter().copied().sum::<Rgb>() / 4.0;
-    // Both faces of 4 % reflect 1/13.
+    // Both faces of 4 % together reflect 1/13.
     let expected = Rgb::ONE - Rgb::new(0.9, 0.5, 0.0) / 13.0;
     assert!(
         (found - expected).abs().max_element() < 2e-3,
