@@ -25,7 +25,7 @@ pub(crate) fn direction(rng: &mut Pcg32) -> Vec3 {
     }
 }
 
-/// Small random triangles in a cube of half size `size`, edges up to `edge`.
+/// Small random triangles in a cube of half size `size`, with edges up to `edge`.
 fn soup(seed: u64, count: usize, size: f32, edge: f32) -> Vec<[Vec3; 3]> {
     let mut rng = rng(seed);
     (0..count)
@@ -112,7 +112,7 @@ pub(crate) fn square(half: f32, z: f32) -> [[Vec3; 3]; 2] {
     ]
 }
 
-/// Möller-Trumbore in double precision over all triangles: distance, and how safely inside the triangle.
+/// Möller–Trumbore in double precision over all triangles: distance, and margin inside the triangle.
 fn brute_force(triangles: &[[Vec3; 3]], ray: &Ray) -> Option<(f64, f64)> {
     let (o, d) = (ray.origin.as_dvec3(), ray.dir.as_dvec3());
     let mut best: Option<(f64, f64)> = None;
@@ -155,7 +155,7 @@ fn compare_with_brute_force(triangles: &[[Vec3; 3]], seed: u64, size: f32, rays:
             (Some((t, _)), Some(h)) if (f64::from(h.t) - t).abs() <= 1e-4 * t.max(0.01) => {
                 hits += 1;
             }
-            // On an edge, or nearly edge-on, single precision may decide otherwise.
+            // On an edge, or nearly edge-on, single precision may give another result.
             (Some((_, margin)), _) if margin < 1e-4 => unsure += 1,
             (expected, got) => panic!("{ray:?}: expected {expected:?}, got {got:?}"),
         }
@@ -177,7 +177,7 @@ fn bvh_agrees_with_brute_force() {
 
 #[test]
 fn bvh_axis_parallel_rays_meet_axis_parallel_boxes() {
-    // Zero direction components, both signs of zero, origins on the planes of boxes.
+    // Directions with zero components of both signs, and origins on the planes of boxes.
     let triangles: Vec<_> = (0..5).flat_map(|k| square(1.0, k as f32)).collect();
     let accel = Accel::new(&triangles);
     for zero in [0.0, -0.0] {
@@ -206,7 +206,7 @@ fn watertight_no_ray_escapes_a_closed_mesh() {
     for k in 0..1_000_000 {
         let origin = point(&mut rng, 0.3);
         let dir = if k % 4 == 0 {
-            // Straight at a vertex or at an edge.
+            // Exactly towards a vertex or an edge.
             let t = corners[rng.random_range(0..corners.len())];
             let along = if k % 8 == 0 { 0.0 } else { rng.random() };
             (t[0].lerp(t[1], along) - origin).normalize()

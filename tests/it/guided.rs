@@ -25,7 +25,7 @@ const PATH: Estimator = Estimator::Path { reuse: false };
 const GUIDED: Estimator = Estimator::Guided { unbiased: false };
 const UNBIASED: Estimator = Estimator::Guided { unbiased: true };
 
-/// Fails unless guided pictures agree with those of the path tracer at the scale of tiles and of the whole.
+/// Fails unless guided pictures agree with the path tracer's for tiles and for the whole image.
 fn assert_agreement(name: &str, parts: SceneParts, rules: [Rule; 2], guided: Estimator, spp: u32) {
     let scene = scene(parts);
     let [expected, rule] = rules;
@@ -41,7 +41,7 @@ fn pool() -> SceneParts {
     builtin("swimming_pool").expect("a training scene")
 }
 
-/// A floor beside a long low lamp: light samples and directions find it about equally well, and a guide knows it.
+/// A floor beside a long low lamp, which light and BSDF samples find about equally well, and which a guide learns.
 fn floor_beside_a_lamp(floor: Material) -> SceneParts {
     let mut parts = SceneParts::default();
     let ground = quad(Vec3::new(-1.0, 0.0, 2.0), 2.0 * Vec3::X, -4.0 * Vec3::Z);
@@ -80,7 +80,7 @@ fn agreement_of_a_regularised_guide_with_plain_path() {
     assert_agreement("pool", pool(), rules(), UNBIASED, 512);
 }
 
-/// Films of passes of these lengths at so many threads.
+/// Films of passes of these lengths with this number of threads.
 fn film(scene: &Scene, settings: &Settings, threads: usize, passes: &[u32]) -> Film {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
     let mut picture = Picture::new(Film::new(UVec2::new(40, 36)));
@@ -96,8 +96,8 @@ fn film(scene: &Scene, settings: &Settings, threads: usize, passes: &[u32]) -> F
     picture.film
 }
 
-/// The guide is the same at any number of threads, in any split into passes, and where a new process continues. The last
-/// samples are taken after learning has ended.
+/// The guide is the same at any number of threads, in any split into passes, and after a restart. The last samples come
+/// after the end of learning.
 #[test]
 fn determinism_of_guided_paths() {
     let scene = scene(caustic_box());

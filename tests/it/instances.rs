@@ -1,4 +1,4 @@
-//! Instances that share a mesh, against copies of the mesh that are transformed here.
+//! Instances that share a mesh, against transformed copies of the mesh.
 
 use super::geometry::{bumpy_sphere, direction, point, rng};
 use super::support::gltf::File;
@@ -19,7 +19,7 @@ use rand::RngExt;
 use rand_pcg::Pcg32;
 use serde_json::json;
 
-/// A pose that turns, scales by up to 3 along each axis, and mirrors if asked.
+/// A random pose with rotation and a scale of up to 3 along each axis, mirroring if `mirrored`.
 fn pose(rng: &mut Pcg32, size: f32, mirrored: bool) -> DAffine3 {
     let scale = DVec3::from_array([0, 1, 2].map(|_| rng.random_range(0.3..3.0)));
     let turn = DQuat::from_axis_angle(
@@ -28,12 +28,12 @@ fn pose(rng: &mut Pcg32, size: f32, mirrored: bool) -> DAffine3 {
     );
     let at = point(rng, size).as_dvec3();
     let sign = if mirrored { -1.0 } else { 1.0 };
-    // A turn before the scale: a pose that shears.
+    // A rotation before the scale makes the pose shear.
     let shear = DAffine3::from_quat(DQuat::from_rotation_y(0.7));
     DAffine3::from_scale_rotation_translation(scale * DVec3::new(sign, 1.0, 1.0), turn, at) * shear
 }
 
-/// The scene of these parts, which may be dark.
+/// The scene of these parts, which may have no light.
 fn built(parts: SceneParts) -> Scene {
     let scene = Scene::new(parts);
     let expected = |w: &String| w.starts_with("no light");
@@ -45,7 +45,7 @@ fn built(parts: SceneParts) -> Scene {
     scene
 }
 
-/// A mesh at a pose, as a mesh of its own.
+/// A transformed copy of a mesh.
 fn copy(mesh: &Mesh, pose: &DAffine3) -> Mesh {
     let mirrored = pose.matrix3.determinant() < 0.0;
     let normals = pose.matrix3.inverse().transpose();
@@ -66,7 +66,7 @@ fn copy(mesh: &Mesh, pose: &DAffine3) -> Mesh {
     copy
 }
 
-/// The same parts without shared meshes: every instance is a mesh of its own.
+/// The parts without shared meshes: every instance becomes a mesh of its own.
 fn copied(parts: &SceneParts) -> SceneParts {
     let mut out = parts.clone();
     for SharedMesh { mesh, poses } in std::mem::take(&mut out.shared) {
@@ -76,7 +76,7 @@ fn copied(parts: &SceneParts) -> SceneParts {
     out
 }
 
-/// A bumpy ball with normals, texture coordinates and, if asked, tangents.
+/// A bumpy ball with normals, texture coordinates and, optionally, tangents.
 fn ball(material: u32, tangents: bool) -> Mesh {
     let mut mesh = bumpy_sphere(24, 48);
     mesh.normals = mesh.positions.iter().map(|p| p.normalize()).collect();
@@ -98,7 +98,7 @@ fn texture(rng: &mut Pcg32) -> Texture {
     Texture::rgba(4, 4, (0..16).map(texel))
 }
 
-/// Three shared meshes at poses of all kinds in a cube of this half size, among them one with holes, and a wall.
+/// Three shared meshes at poses of all kinds in a cube of this half size, one of them with holes, and a wall.
 fn crowd(size: f32, instances: usize) -> SceneParts {
     let mut rng = rng(3);
     let map = Some(TextureRef {
@@ -136,7 +136,7 @@ fn crowd(size: f32, instances: usize) -> SceneParts {
     parts
 }
 
-/// Place of a triangle in scene order, if all shared meshes have as many.
+/// Index of a triangle in scene order, if all shared meshes have equal numbers of triangles.
 fn number(geometry: &Geometry, id: TriangleId) -> usize {
     let (index, single) = (id.index() as usize, geometry.single());
     match id.instance() as usize {
@@ -174,7 +174,7 @@ fn instances_are_met_where_their_copies_are() {
                 continue;
             };
             let (s, c) = (shared.surface(&h), copies.surface(&k));
-            // At a silhouette, or at the edge of a texel's hole, rounding may decide otherwise.
+            // At a silhouette, or at the edge of a texel's hole, rounding may give another result.
             if (h.t - k.t).abs() > 1e-4 * size {
                 differ += 1;
                 continue;
@@ -197,7 +197,7 @@ fn instances_are_met_where_their_copies_are() {
     }
 }
 
-/// Sheets of 2 · 181² triangles in rows above a floor, more than 32 bits count, and the corner of each.
+/// Sheets of 2 · 181² triangles in rows above a floor, more than 2³² in total, and the corner of each sheet.
 fn billions() -> (SceneParts, impl Fn(u32) -> DVec3) {
     const EDGE: u32 = 181;
     const INSTANCES: u32 = 70_000;
@@ -248,7 +248,7 @@ fn instances_show_more_triangles_than_32_bits_count() {
         (above - Vec3::new(0.0, 1.5, 0.01)).into(),
         15.0,
     );
-    // The last sheet alone, and not shared.
+    // The last sheet alone, as a mesh that is not shared.
     let SharedMesh { mesh, poses } = &parts.shared[0];
     let mut alone = parts.clone();
     alone.shared.clear();
@@ -265,7 +265,7 @@ fn instances_show_more_triangles_than_32_bits_count() {
         let i = match k % 4 {
             0 => rng.random_range(0..instances),
             1 => k % 8,
-            // Past 2³² triangles.
+            // Triangles beyond number 2³².
             _ => instances - 1 - rng.random_range(0..4000),
         };
         let on = Vec3::new(
@@ -288,7 +288,7 @@ fn instances_show_more_triangles_than_32_bits_count() {
             "{i} {on} {a} {b} {c}"
         );
     }
-    // Light of the last sheet, which sees the lamp alone; by camera paths, and by light vertices that are kept.
+    // Light on the last sheet, which only the lamp reaches: by camera paths, and by stored light vertices.
     let alone = built(alone);
     for kind in [IntegratorKind::Path, IntegratorKind::Bdpt] {
         let film = |scene: &Scene, seed| {
@@ -331,7 +331,7 @@ fn watertight_no_ray_escapes_a_closed_instance() {
 
 #[test]
 fn self_intersection_of_instances_far_from_the_origin() {
-    // A flat sheet that is turned, stretched and carried away: a ray that leaves it never meets it.
+    // A ray that leaves a flat sheet never hits it again, although the sheet is rotated, stretched and far away.
     let mut rng = rng(12);
     for far in [0.0f32, 1.0, 1e4] {
         for mirrored in [false, true] {
@@ -365,7 +365,7 @@ fn self_intersection_of_instances_far_from_the_origin() {
     }
 }
 
-/// A lit room with bodies of glass, brushed metal and bumps, each shared by a plain and a mirrored, squeezed instance.
+/// A lit room with bodies of glass, brushed metal and bumps. Each has a plain instance and a mirrored, squeezed one.
 fn furnished() -> SceneParts {
     let mut parts = SceneParts::default();
     parts.add(
@@ -429,7 +429,7 @@ fn agreement_of_instances_and_copies_in_every_integrator() {
 
 #[test]
 fn bodies_around_a_point_in_nested_instances() {
-    // A ball in a ball, both shared; the inner one is the smaller body by its largest instance.
+    // A ball in a ball, both shared. The inner one is the smaller body, by its largest instance.
     let mut parts = SceneParts::default();
     for (name, ior, radius) in [("outer", 1.3, 1.0), ("inner", 1.5, 0.5)] {
         let material = parts.add_material(glass(name, ior, 0.0));
@@ -486,7 +486,7 @@ fn instances_that_cannot_be_are_dropped_and_counted() {
     );
 }
 
-/// A file with a grid of so many triangles, and two materials of which the second emits.
+/// A file with a grid of triangles, and two materials, the second of which emits.
 pub(crate) fn grid(edge: u16) -> File {
     let mut file = File::of(|file| {
         let at = |i: u16| f32::from(i) / f32::from(edge);
@@ -523,7 +523,7 @@ pub(crate) fn spread(file: &mut File, count: usize) {
 fn load_shares_meshes_whose_copies_would_take_much_memory() {
     let mut file = grid(70);
     spread(&mut file, 20);
-    // 20 copies of 9800 triangles take little.
+    // Copies of 20 × 9800 triangles need little memory.
     let parts = file.loaded().parts;
     assert_eq!((parts.meshes.len(), parts.shared.len()), (20, 0));
     spread(&mut file, 1000);
@@ -544,7 +544,7 @@ fn load_shares_meshes_whose_copies_would_take_much_memory() {
         (surface.ng - Vec3::Y).length() < 1e-6 && surface.position.y == 5.0,
         "{surface:?}"
     );
-    // Lamps are copied, since light sampling knows triangles in the world.
+    // Lamps are copied, because light sampling uses triangles in world space.
     file.primitive()["material"] = json!(1);
     file.json["nodes"] = json!([file.json["nodes"][0]]);
     let parts = file.loaded().parts;

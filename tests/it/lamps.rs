@@ -1,4 +1,4 @@
-//! Surfaces as lamps: unseen by the camera, and shining into a cone.
+//! Surfaces as lamps: hidden from the camera, or emitting into a cone.
 
 use super::support::gltf::File;
 use super::support::render::{film_with, mean, scene};
@@ -17,7 +17,7 @@ const CONE: Cone = Cone {
     cos_outer: 0.7,
 };
 
-/// A floor of albedo 1/2, a metre below a small ball that radiates `radiance`, seen past the ball from above.
+/// A floor of albedo ½, a metre below a small ball of this radiance; the camera sees it from above, past the ball.
 fn spot(lamp: Lamp, radiance: f32) -> Scene {
     let mut parts = SceneParts::default();
     let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::Z * -6.0);
@@ -52,14 +52,14 @@ fn camera_looks_through_a_hidden_lamp_whose_light_stays() {
     };
     let (lamp, light) = seen(false);
     let (floor, same) = seen(true);
-    // Irradiance a metre below: π L r²; the floor scatters half of it over π.
+    // The irradiance a metre below is π L r²; the floor scatters half of it, over π.
     let expected = 100.0 * 0.05 * 0.05 * 0.5;
     assert!(lamp > 10.0, "{lamp}");
     assert!((floor / expected - 1.0).abs() < 0.1, "{floor} {expected}");
     assert!((same / light - 1.0).abs() < 0.05, "{same} {light}");
 }
 
-/// The power that reaches the floor is that of the cone: the integral of its smooth step over the sphere of directions.
+/// The floor receives the power of the cone: the integral of its smooth step over the sphere of directions.
 #[test]
 fn floor_under_a_cone_has_its_light() {
     let share = |cos: f64| {
@@ -72,13 +72,13 @@ fn floor_under_a_cone_has_its_light() {
         cone: Some(CONE),
     };
     let scene = spot(lamp, 100.0);
-    // A pixel by its place on the floor, at a distance of 4 from the camera.
+    // Pixels by their place on the floor, 4 metres below the camera.
     let film = film_with(&scene, &Settings::default(), 16, 256);
     let picture = film.mean();
     let half = 4.0 * f64::from(0.4f32.tan());
     let step = 2.0 * half / 16.0;
     let total: f64 = picture.pixels.iter().map(|p| f64::from(p.x)).sum::<f64>() * step * step;
-    // Radiant intensity π r² L; the floor scatters half of the power over π.
+    // The radiant intensity is π r² L; the floor scatters half of the power, over π.
     let intensity = PI * 0.05 * 0.05 * 100.0;
     let steps = 4000;
     let cone: f64 = (0..steps)

@@ -1,4 +1,4 @@
-//! Depth of field: rays of a lens, where lenses come from, and who refuses them.
+//! Depth of field: rays of a lens, sources of lenses, and refusals.
 
 use super::support::assert_likely;
 use super::support::gltf::File;
@@ -27,7 +27,7 @@ fn lens_rays_of_a_film_position_meet_in_the_plane_of_focus() {
         let at = |ray: opsr::math::Ray, d: f32| {
             ray.origin + ray.dir * ((d - depth(ray.origin)) / -ray.dir.dot(camera.frame.n))
         };
-        // Uniform points of the lens make, in the plane at distance d, a uniform disk of radius R |1 − d/f|.
+        // Uniform points of the lens form a uniform disk of radius R |1 − d/f| in the plane at distance d.
         let (n, d) = (64, 7.0f32);
         let mut moments = [0.0f64; 5];
         for i in 0..n * n {
@@ -49,7 +49,7 @@ fn lens_rays_of_a_film_position_meet_in_the_plane_of_focus() {
     }
 }
 
-/// Origins of rays are uniform on the lens: equal cells of squared radius and angle, for places all over the frame.
+/// Ray origins are uniform on the lens, in equal cells of squared radius and angle, for several film positions.
 #[test]
 fn chi_square_of_lens_samples() {
     const CELLS: usize = 12;
@@ -124,7 +124,7 @@ fn load_lens_from_the_extras_of_a_camera() {
         lens(json!({ "fstop": 2, "focalLength": 80, "focusDistance": 4 })),
         0.02,
     );
-    // A film of 24 mm with this field of view has 50 mm.
+    // For a film of 24 mm this field of view has a focal length of 50 mm.
     is(lens(json!({ "fstop": 2.5, "focusDistance": 4 })), 0.01);
     for (extras, warnings) in [
         (json!({}), 0),

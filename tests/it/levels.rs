@@ -16,7 +16,7 @@ use opsr_lab::gallery::caustic_box;
 use opsr_lab::gallery::shapes::{quad, room, sphere};
 use opsr_lab::stats::agreement::agree;
 
-/// A table with a pattern.
+/// A table whose factors depend on the bins.
 pub(super) fn table() -> Rule {
     let mut table = AttenuationTable::constant(0.0);
     for (i, gamma) in table.gammas.iter_mut().enumerate() {
@@ -26,7 +26,7 @@ pub(super) fn table() -> Rule {
     Rule::with_table(table)
 }
 
-/// Settings at these scales; the raw factors without any.
+/// Settings at these scales, or with the raw factors if there are none.
 pub(super) fn settings(rule: Rule, scales: &[f32], seed: u64) -> Settings {
     Settings {
         rule,
@@ -70,7 +70,7 @@ pub(super) fn metal_room() -> SceneParts {
     parts
 }
 
-/// A film of every level: batches of passes become samples of pixels.
+/// A film of every level, with batches of passes as the samples of pixels.
 pub(super) fn level_films(
     scene: &Scene,
     settings: &Settings,
@@ -87,7 +87,7 @@ pub(super) fn level_films(
         integrator.pass(&view, pass * each..(pass + 1) * each, &mut picture);
         let levels = picture.levels.expect("levels");
         for (k, film) in films.iter_mut().enumerate() {
-            // Level 0 takes light that plain path tracing cannot find from the next.
+            // Light that plain path tracing cannot find is added to level 0 from the next level.
             let level = if k == 0 {
                 picture.film.mean()
             } else {
@@ -101,7 +101,7 @@ pub(super) fn level_films(
     films
 }
 
-/// A film whose samples are the means of as many samples.
+/// A film whose samples are means of `each` samples.
 fn grouped(scene: &Scene, settings: &Settings, size: u32, passes: u32, each: u32) -> Film {
     let frame = UVec2::splat(size);
     let mut film = Film::new(frame);
@@ -147,7 +147,7 @@ pub(super) fn scaled(rule: &Rule, scale: f32) -> Rule {
     }
 }
 
-/// Every level agrees with a render of its own at pixels, tiles and the whole image.
+/// Every level agrees with a separate render for pixels, tiles and the whole image.
 #[test]
 fn levels_agree_with_renders_of_their_own() {
     let mut point = metal_room();
@@ -169,7 +169,7 @@ fn levels_agree_with_renders_of_their_own() {
     }
 }
 
-/// A point light in a mirror: no level below finds it, so the first that does is the anchor, and its light is kept.
+/// A point light in a mirror, which only rougher levels find: the first of these is the anchor, and its light is kept.
 #[test]
 fn energy_conservation_of_lights_that_plain_path_tracing_cannot_see() {
     let mut parts = SceneParts::default();
@@ -189,7 +189,7 @@ fn energy_conservation_of_lights_that_plain_path_tracing_cannot_see() {
             Vec3::Y * 2.0,
         )],
     );
-    // Between lamp and floor: the floor is lit by way of the mirror alone.
+    // A shade between lamp and floor: light reaches the floor only by the mirror.
     parts.add(
         diffuse("shade", Rgb::ZERO),
         [quad(
@@ -225,8 +225,8 @@ fn energy_conservation_of_lights_that_plain_path_tracing_cannot_see() {
     assert!((resolved / first - 1.0).abs() < 0.05, "{resolved} {first}");
 }
 
-/// Light that no level roughens is a part of every level; in a diffuse room it is all of it. Guides are those of the first
-/// rough vertex.
+/// Light that no level roughens is common to all levels; in a diffuse room that is all light. Guides are features of
+/// the first rough vertex.
 #[test]
 fn shared_light_is_a_part_of_every_level() {
     let film = |parts: SceneParts| {
@@ -258,9 +258,9 @@ fn shared_light_is_a_part_of_every_level() {
         assert_eq!(more == 0, all, "{more}");
     }
     for features in gray.features() {
-        // The first vertex is rough everywhere but on the lamp, which is black.
+        // The first vertex is rough except on the lamp, which is black.
         assert_eq!(features[..4], features[4..8]);
-        // The mean of normals is no longer than one.
+        // The mean of unit normals is not longer than 1.
         let [x, y, z, length, .., r, g, b] = features;
         let normal = Vec3::new(x, y, z).length();
         assert!(
@@ -269,7 +269,7 @@ fn shared_light_is_a_part_of_every_level() {
         );
         assert!(r == g && g == b && r < 0.6 + 1e-5, "{r} {g} {b}");
     }
-    // Behind a mirror the first rough vertex is another one than the first.
+    // Behind a mirror the first rough vertex is not the first vertex.
     let differs = |f: &[f32; 11]| f[..4] != f[4..8];
     assert!(metal.features().iter().any(differs));
 }
@@ -318,12 +318,12 @@ fn determinism_of_levels_over_splits_threads_and_crops() {
     let pixels = (0..window.len()).map(|i| window.pixel(i));
     let inside = pixels.map(|p| features[p.y as usize * whole.film.size.x as usize + p.x as usize]);
     assert_eq!(own.features(), inside.collect::<Vec<_>>());
-    // Bytes bring them back; a piece of them is refused.
+    // Written bytes are read back; incomplete ones are an error.
     let mut bytes = Vec::new();
     levels.write(&mut bytes).expect("a vector takes everything");
     let read = |bytes: &[u8]| LevelFilm::read(size, full, &mut &bytes[..]);
     assert_eq!(&read(&bytes).expect("a film"), levels);
-    // One sample says nothing of its noise, two do.
+    // One sample has no noise estimate, two samples have one.
     let few = |samples| render(full, &[samples], 2).levels.expect("levels");
     assert_eq!(few(1).complete(), None);
     assert!(few(2).complete().is_some());
@@ -363,7 +363,7 @@ fn determinism_of_levels_over_the_runs_of_a_pass() {
 #[test]
 fn levels_of_other_rules_are_refused_by_name() {
     let refused = |settings: Settings| settings.check_amounts().expect_err("refused");
-    // Rules of other renderers roughen the path itself, and have no factors to scale.
+    // Rules of other renderers roughen the path itself, and so have no factors to scale.
     for rule in [
         Rule::Plain,
         Rule::Pbrt,

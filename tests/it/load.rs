@@ -1,4 +1,4 @@
-//! Loading glTF files: round trips through the writer, and equal scenes from all forms of a file.
+//! Loading glTF files: round trips with the writer, and equal scenes from all forms of a file.
 
 pub(crate) mod broken;
 mod compressed;
@@ -28,7 +28,7 @@ fn close(a: Vec3, b: Vec3) -> bool {
     (a - b).length() <= 1e-6 * (1.0 + a.length())
 }
 
-/// The meshes of a round trip are bit-identical, except normals that were not quite unit.
+/// The meshes of a round trip are bit-identical, except for normals that were not exactly unit vectors.
 fn same_meshes(a: &SceneParts, b: &SceneParts) {
     assert_eq!(a.meshes.len(), b.meshes.len());
     for (a, b) in a.meshes.iter().zip(&b.meshes) {
@@ -111,7 +111,7 @@ fn load_returns_what_was_saved() {
         same_materials(&parts, &loaded.parts);
         same_cameras(&parts, &loaded.parts);
         assert_eq!(parts.lights.len(), loaded.parts.lights.len());
-        // A second trip rounds nothing more.
+        // A second round trip causes no further rounding.
         let again = load_bytes(&glb::to_glb(&loaded.parts).unwrap()).unwrap();
         same_meshes(&loaded.parts, &again.parts);
         same_materials(&loaded.parts, &again.parts);
@@ -184,7 +184,7 @@ fn load_scenes_and_instances() {
             .map(|m| m.positions[0])
             .collect()
     };
-    // Without scenes every root counts; parents come first.
+    // Without scenes all root nodes are loaded; parents come first.
     let far = Vec3::new(0.0, 0.0, 9.0);
     assert_eq!(starts(&file), [Vec3::ZERO, Vec3::X, far]);
     file.json["scenes"] = json!([{ "nodes": [1] }, { "nodes": [2] }]);

@@ -1,4 +1,4 @@
-//! Lights and exposures of pbrt and Mitsuba: as bright as there.
+//! Lights and exposures of pbrt and Mitsuba: their brightness.
 
 use super::{message, read};
 use opsr::math::{Rgb, Vec3};
@@ -24,7 +24,7 @@ fn same(found: Rgb, expected: f32) {
     assert!(far < 1e-4, "{found} {expected}");
 }
 
-/// `power` and `illuminance` are of white light; `scale` and the values of an rgb multiply them.
+/// `power` and `illuminance` refer to white light; `scale` and the values of an rgb colour multiply them.
 #[test]
 fn foreign_lights_of_a_power_are_scaled_too() {
     use std::f32::consts::PI;
@@ -36,7 +36,7 @@ fn foreign_lights_of_a_power_are_scaled_too() {
     same(point("\"rgb I\" [ 2 2 2 ]"), 2.0 * one);
     let spot =
         "LightSource \"spot\" \"float power\" 10 \"float coneangle\" 60 \"float conedeltaangle\" 0";
-    // A cone of half the angle 60° is π sr.
+    // A cone of half angle 60° has a solid angle of π sr.
     same(intensity(spot), 10.0 / PI);
     same(intensity(&format!("{spot} \"float scale\" 3")), 30.0 / PI);
     let sun = |more: &str| {
@@ -59,7 +59,7 @@ fn foreign_lights_of_a_power_are_scaled_too() {
         );
         parts("a.pbrt", &text).materials[0].emission
     };
-    // The sphere's triangles have a little less area than it.
+    // The sphere's triangles have slightly less area than the sphere.
     let plain = lamp("");
     assert!(
         (plain.x * 4.0 * PI * PI / 8.0 - 1.0).abs() < 1e-3,
@@ -71,7 +71,7 @@ fn foreign_lights_of_a_power_are_scaled_too() {
     assert!(message("a.pbrt", both).contains("line 2: has both `L` and an image"));
 }
 
-/// The illuminance of a map is measured on a patch that faces up: a map of 1 gives π.
+/// The illuminance of a map is that of a patch that faces up: a map of 1 has π.
 #[test]
 fn foreign_map_of_an_illuminance_is_scaled_to_it() {
     let folder = crate::support::quick_folder();
@@ -92,7 +92,7 @@ fn foreign_map_of_an_illuminance_is_scaled_to_it() {
     assert!((scaled / expected - 1.0).abs() < 0.01, "{scaled}");
 }
 
-/// Film and shutter multiply all light; what else a film does to colours is named.
+/// Film and shutter scale all light; other effects of a film on colours cause warnings.
 #[test]
 fn foreign_films_expose_the_picture() {
     let lit = |film: &str, camera: &str| {
@@ -129,7 +129,7 @@ fn foreign_films_expose_the_picture() {
     assert!(message("a.pbrt", closed).contains("line 1: an exposure of 0"));
 }
 
-/// An area light on a boundary without a material does not shine in pbrt either.
+/// An area light on a boundary without a material is ignored, as in pbrt, with a warning.
 #[test]
 fn foreign_light_of_an_interface_is_ignored_with_a_word() {
     let text = "WorldBegin\nMaterial \"interface\"\nAreaLightSource \"diffuse\"\nShape \"sphere\"";
@@ -140,7 +140,7 @@ fn foreign_light_of_an_interface_is_ignored_with_a_word() {
     assert_eq!(loaded.warnings, [expected]);
 }
 
-/// Normals of bilinear patches: those of a flat one may stand for a ball.
+/// Bilinear patches have their given normals: a flat patch can have those of a ball.
 #[test]
 fn foreign_patches_have_their_normals() {
     let text = "WorldBegin Shape \"bilinearmesh\" \"point3 P\" [ 0 0 0  1 0 0  0 1 0  1 1 0 ] \
@@ -159,7 +159,7 @@ fn foreign_patches_have_their_normals() {
     assert!(message("a.pbrt", &short).contains("3 normals for 4 points"));
 }
 
-/// Lamps of two temperatures are in proportion, as Planck's law has them.
+/// Lamps of two temperatures have the ratio of Planck's law.
 #[test]
 fn foreign_black_bodies_of_mitsuba_are_in_proportion() {
     let green = |lamp: &str| {
@@ -184,7 +184,7 @@ fn foreign_black_bodies_of_mitsuba_are_in_proportion() {
     );
 }
 
-/// A lamp of alpha 0 lights as the same lamp does that is seen, by every estimator, and is not seen itself.
+/// A lamp of alpha 0 gives the same light as a visible lamp, with every estimator, but is invisible.
 #[test]
 fn foreign_lamp_of_alpha_0_lights_and_is_not_seen() {
     use crate::support::render::mean;

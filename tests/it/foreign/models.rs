@@ -1,4 +1,4 @@
-//! OBJ and PLY files alone.
+//! OBJ and PLY files as scenes of their own.
 
 use opsr::math::{Rgb, Vec2, Vec3, luminance};
 use opsr::scene::load::{FileLight, Loaded, load};
@@ -6,7 +6,7 @@ use opsr::scene::procedural::{materials, shapes};
 use opsr::scene::{Material, Mesh, Scene, SceneParts, Texels};
 use std::fmt::Write;
 
-/// The first of the files, read beside the others.
+/// Reads the first of the files; the others are in its folder.
 fn read(files: &[(&str, &[u8])]) -> Result<Loaded, String> {
     let folder = crate::support::quick_folder();
     for (name, bytes) in files {
@@ -19,7 +19,7 @@ fn read_obj(text: &str, mtl: &str) -> Result<Loaded, String> {
     read(&[("a.obj", text.as_bytes()), ("a.mtl", mtl.as_bytes())])
 }
 
-/// A ball in the form of this module: its coordinates have v upwards.
+/// A ball as OBJ text, where v grows upwards.
 fn written(mesh: &Mesh) -> String {
     let mut out = String::new();
     for ((p, n), uv) in mesh.positions.iter().zip(&mesh.normals).zip(&mesh.uvs) {
@@ -100,7 +100,7 @@ fn models_of_all_formats_are_one_mesh() {
             Rgb::splat(if painted { 1.0 } else { 0.8 })
         );
     }
-    // 188 of 255 is a half, linear.
+    // 188 of 255 is about one half in linear values.
     let color = of_ply.parts.meshes[0].colors[0];
     assert!(
         color.truncate().distance(Vec3::new(1.0, 0.5, 0.0)) < 0.01,
@@ -108,7 +108,7 @@ fn models_of_all_formats_are_one_mesh() {
     );
 }
 
-/// The material of a triangle that says this.
+/// The material of a triangle with this MTL text.
 fn material(mtl: &str) -> Material {
     let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl of it\nf 1 2 3\n";
     let loaded = read_obj(obj, &format!("newmtl of it\n{mtl}")).unwrap_or_else(|e| panic!("{e}"));
@@ -128,7 +128,7 @@ fn materials_of_obj_files_are_read() {
         (matte.specular, matte.metallic, matte.transmission),
         (0.0, 0.0, 0.0)
     );
-    // Blender's own plastic, and half of its highlight.
+    // Plastic as Blender writes it, and with half of its highlight.
     let plastic =
         material("Ns 250\nKa 1 1 1\nKd 0.8 0.8 0.8\nKs 0.5 0.5 0.5\nNi 1.45\nd 1\nillum 2\n");
     assert_eq!(
@@ -137,7 +137,7 @@ fn materials_of_obj_files_are_read() {
     );
     assert!((plastic.alpha - (2.0f32 / 252.0).sqrt()).abs() < 1e-6);
     assert_eq!(material("Ks 0.25 0.25 0.25").specular, 0.5);
-    // Metal: as old programs, as Blender, and by its own name.
+    // Metal as older programs write it, as Blender writes it, and by its own parameter.
     let mirror = material("Kd 0 0 0\nKs 0.9 0.8 0.7\nillum 3\nNs 100000");
     assert_eq!(
         (mirror.metallic, mirror.base_color),
@@ -173,13 +173,13 @@ fn materials_of_obj_files_are_read() {
         (foil.opacity, foil.transmission, foil.solid),
         (0.25, 0.0, false)
     );
-    // A lamp shines from both sides.
+    // A lamp emits from both sides.
     let lamp = material("Ke 4 3 2\nKd 0 0 0");
     assert_eq!(
         (lamp.emission, lamp.double_sided),
         (Rgb::new(4.0, 3.0, 2.0), true)
     );
-    // Comments, blanks and the last of two lines.
+    // Comments and blanks are skipped, and the last of two equal lines counts.
     assert_eq!(
         material("  Kd 1 0 0 # red\n\n\tKd 0 1 0").base_color,
         Rgb::Y
@@ -220,7 +220,7 @@ fn textures_of_obj_files_lie_as_the_file_says() {
         ]);
         let parts = loaded.unwrap_or_else(|e| panic!("{e}")).parts;
         let material = &parts.materials[0];
-        // Black beside a texture is an exporter's habit.
+        // Exporters write black next to a texture.
         assert_eq!(material.base_color, Rgb::ONE);
         let map = material.base_color_texture.expect("a texture");
         assert!(matches!(
@@ -273,7 +273,7 @@ fn parts_of_obj_files_have_their_materials() {
             )
         })
         .collect();
-    // All are painted by their vertices.
+    // Vertex colours replace the base colour of all parts.
     assert_eq!(
         faces,
         [(Rgb::ONE, 1, 3), (Rgb::ONE, 2, 4), (Rgb::ONE, 1, 3)]
@@ -323,7 +323,7 @@ fn faults_of_models_name_their_place() {
     assert!(said.expect_err("an error").contains("has no faces"));
 }
 
-/// A model's lamp lights the room, and glass of an OBJ file is the glass of the same glTF file.
+/// A model's lamp lights the room, and glass from an OBJ file equals the glass of the same glTF file.
 #[test]
 fn models_bring_their_light_and_bodies() {
     let mut room = SceneParts::default();

@@ -1,8 +1,8 @@
-//! Names of parameters: none that a reader does not know passes.
+//! Names of parameters: the readers accept no unknown name.
 
 use super::{message, read};
 
-/// A misspelt name, a name of another version or of another kind is an error with its line, and what the kind has; with
+/// A misspelt name, or a name of another version or kind, is an error with its line and the valid names; with
 /// `--unsupported skip` it is a warning.
 #[test]
 fn foreign_unknown_names_are_errors_with_their_line() {
@@ -120,13 +120,13 @@ fn foreign_unknown_names_are_errors_with_their_line() {
         let expected = format!("a.xml: line 3: `{kind}` has no parameter `{name}`");
         assert!(found.contains(&expected), "{xml}: {found}");
     }
-    // A reference in a plugin that holds no other can only be a texture.
+    // In a plugin without inner objects a reference can only be a texture.
     let text = "<scene version=\"3.0.0\"><texture type=\"checkerboard\" id=\"t\"/>\n\
         <bsdf type=\"diffuse\"><ref id=\"t\" name=\"reflektance\"/></bsdf></scene>";
     assert!(message("a.xml", text).contains("line 2: `diffuse` has no parameter `reflektance`"));
 }
 
-/// Parameters of `Attribute` are for elements that have them.
+/// Parameters of `Attribute` apply only to elements that have them.
 #[test]
 fn foreign_names_of_attribute_need_not_fit() {
     let text = "WorldBegin Attribute \"shape\" \"float radius\" 2 Shape \"sphere\"\n\
@@ -134,7 +134,7 @@ fn foreign_names_of_attribute_need_not_fit() {
     assert_eq!(read("a.pbrt", text, false).unwrap().parts.meshes.len(), 2);
 }
 
-/// What changes a picture and is not taken is named.
+/// Ignored settings that change a picture cause a warning.
 #[test]
 fn foreign_what_is_not_taken_is_named() {
     let sensor = |near: f32, far: f32| {
@@ -172,7 +172,7 @@ fn foreign_what_is_not_taken_is_named() {
     assert_eq!(read("a.pbrt", pbrt, false).unwrap().warnings, [expected]);
 }
 
-/// Mitsuba's numbers by coloured maps are their luminance; roughness along each direction may have a map.
+/// Coloured maps of numbers in Mitsuba count by their luminance; roughness in each direction may have a map.
 #[test]
 fn foreign_coloured_maps_are_numbers_by_their_luminance() {
     let folder = crate::support::quick_folder();
@@ -211,7 +211,7 @@ fn foreign_coloured_maps_are_numbers_by_their_luminance() {
         .unwrap();
     let [weight, ..] = mixed.textures[mix.texture.unwrap().texture as usize].texel(0, 0);
     assert!((mix.weight * weight - 0.2126).abs() < 1e-3, "{weight}");
-    // These count by their mean.
+    // These parameters use the mean of the map.
     let mean = |name: &str| {
         let bsdf = format!("<bsdf type=\"principled\">{}</bsdf>", map(name));
         parts(&bsdf).unwrap().materials[0].clone()

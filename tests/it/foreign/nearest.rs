@@ -1,11 +1,11 @@
-//! Parts that are shown as what is nearest, and the names of older versions.
+//! Parts that are shown as their nearest equivalent, and names of older versions.
 
 use super::{message, read};
 use opsr::math::{Ray, Rgb, Vec2, Vec3, luminance};
 use opsr::scene::load::{LoadOptions, Loaded, Unsupported, load};
 use opsr::scene::{Material, PunctualLight, Scene};
 
-/// A scene beside files, with the usual options or others.
+/// Reads a scene next to these files, with this treatment of unsupported parts.
 pub(super) fn with_files(
     name: &str,
     text: &str,
@@ -33,7 +33,7 @@ pub(super) fn xml(inner: &str) -> String {
     format!("<scene version=\"3.0.0\">\n{inner}\n</scene>")
 }
 
-/// A surface that is not supported is shown with a word, or refused if the user says so; what changes the light is refused.
+/// An unsupported surface is approximated with a warning, or refused on request; unsupported lights are errors.
 #[test]
 fn nearest_surfaces_are_named_and_lights_are_not_left_out() {
     let measured = xml("<shape type=\"sphere\"><bsdf type=\"measured\"/></shape>");
@@ -89,7 +89,7 @@ fn pbrt(line: &str) -> Material {
 
 #[test]
 fn materials_of_pbrt_3_are_read() {
-    // [PBRT3 §8.4.2] by hand, for a roughness of 0.1.
+    // [PBRT3 §8.4.2] evaluated for a roughness of 0.1.
     let of_a_tenth = 0.461_76;
     let plastic = pbrt(
         "Material \"plastic\" \"rgb Kd\" [0.3 0.2 0.1] \"rgb Ks\" [0.5 0.25 0.5] \"float roughness\" 0.1",
@@ -127,7 +127,7 @@ fn materials_of_pbrt_3_are_read() {
         "{}",
         metal.alpha
     );
-    // A layer of this index reflects the `Ks` of a substrate at normal incidence.
+    // A layer of this index reflects `Ks` of a substrate at normal incidence.
     let substrate = pbrt("Material \"substrate\" \"rgb Ks\" [0.09 0.09 0.09]");
     let reflected = ((substrate.ior - 1.0) / (substrate.ior + 1.0)).powi(2);
     assert!((reflected - 0.09).abs() < 1e-5);
@@ -153,13 +153,14 @@ fn materials_of_pbrt_3_are_read() {
     }
 }
 
-/// Version 3's amount is the share of the first material, version 4's that of the second; of a mixture in a mixture the heaviest parts count.
+/// Version 3's amount is the first material's share, version 4's the second's; nested mixtures keep their heaviest
+/// parts.
 #[test]
 fn mixtures_have_their_shares() {
     let named = "MakeNamedMaterial \"red\" \"string type\" \"matte\" \"rgb Kd\" [1 0 0]\n\
                  MakeNamedMaterial \"green\" \"string type\" \"diffuse\" \"rgb reflectance\" [0 1 0]\n\
                  MakeNamedMaterial \"blue\" \"string type\" \"diffuse\" \"rgb reflectance\" [0 0 1]\n";
-    // The colour that the whole has on the mean.
+    // The mean colour of the mixture.
     let mean = |mixture: &str| {
         let text = format!("WorldBegin\n{named}{mixture}\nShape \"sphere\"");
         let loaded = usual("a.pbrt", &text);
@@ -219,7 +220,7 @@ fn mixtures_have_their_shares() {
     assert!((mix.weight - 0.375).abs() < 1e-6);
 }
 
-/// A movement is shown as it begins; a black body of version 3 has a scale.
+/// A movement is shown at its beginning; a black body of version 3 has a scale.
 #[test]
 fn movements_are_shown_as_they_begin() {
     let text = "WorldBegin Translate 1 0 0 ActiveTransform EndTime Translate 5 0 0 ActiveTransform All Translate 0 2 0\n\
@@ -234,7 +235,7 @@ fn movements_are_shown_as_they_begin() {
     assert!((luminance(emission) - 4.0).abs() < 1e-3, "{emission}");
 }
 
-/// Lamps with images shine with their mean, in the cone of a projector.
+/// Lamps with images emit their mean, within the cone of a projector.
 #[test]
 fn lamps_with_images_shine_with_their_mean() {
     let mut map = b"PF\n2 1\n-1.0\n".to_vec();
@@ -273,7 +274,7 @@ fn lamps_with_images_shine_with_their_mean() {
     assert!((cos_outer - 30f32.to_radians().cos()).abs() < 1e-6);
 }
 
-/// Quadrics of version 3 span what they say, and curves are tubes of their width around the points that they go through.
+/// Quadrics of version 3 have their extents, and curves are tubes of their width around their points.
 #[test]
 fn quadrics_and_curves_of_pbrt_are_meshes() {
     let span = |line: &str| {
@@ -304,12 +305,12 @@ fn quadrics_and_curves_of_pbrt_are_meshes() {
         [1.0, 1.0, 2.0],
     );
     let line = "\"curve\" \"point3 P\" [0 0 0  0 0 1  0 0 2  0 0 3]";
-    // Six sides: the widest lie within the circle.
+    // The tube has six sides, so it is slightly narrower than the circle.
     let [low, high] = span(&format!("{line} \"float width\" 0.2"));
     assert!(low.z.abs() < 1e-6 && (high.z - 3.0).abs() < 1e-6);
     let wide = high.truncate().max_element();
     assert!(wide <= 0.1 + 1e-6 && wide > 0.09, "{low} {high}");
-    // A spline of equal points lies within them: from the mean of the first three, weighted 1, 4, 1, to that of the last.
+    // A B-spline goes from the mean of its first three points, weighted 1, 4, 1, to that of its last.
     let [low, high] = span(&format!(
         "{line} \"string basis\" \"bspline\" \"float width\" 0.2"
     ));
@@ -336,7 +337,7 @@ fn quadrics_and_curves_of_pbrt_are_meshes() {
     }
 }
 
-/// Vertex colours of a mesh paint the materials that ask for them, nested ones too, and no others.
+/// Vertex colours apply to materials that refer to them, also nested ones, and to no others.
 #[test]
 fn mesh_colours_of_mitsuba_paint_what_asks_for_them() {
     let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float r\n\
@@ -366,7 +367,7 @@ fn mesh_colours_of_mitsuba_paint_what_asks_for_them() {
     assert_eq!(of(second.material), (Rgb::splat(0.5), false));
 }
 
-/// Weights that fit no mixture are refused, and a sum that is not 1 is named.
+/// Weights that do not fit are an error, and a sum other than 1 is a warning.
 #[test]
 fn weights_of_mixtures_are_checked() {
     let two = "<bsdf type=\"diffuse\"/><bsdf type=\"diffuse\"/>";
@@ -400,7 +401,8 @@ pub(super) fn png(seed: u32, side: u32) -> Vec<u8> {
     crate::support::gltf::png(&picture.into())
 }
 
-/// Products and mixtures of two images are what they say in the middle of every texel; of different coordinates they are not made.
+/// Products and mixtures of two images are exact at every texel centre; with different coordinates they are not
+/// possible.
 #[test]
 fn images_are_multiplied_and_mixed() {
     let files = [("a.png", png(1, 8)), ("b.png", png(2, 8))];
@@ -458,7 +460,7 @@ fn images_are_multiplied_and_mixed() {
             "{i}"
         );
     }
-    // A colour makes no other texture.
+    // A product with a colour needs no new texture.
     let tinted = scene(
         "scale",
         "\"texture tex\" \"a\" \"rgb scale\" [1 0.5 0.25]",
@@ -480,13 +482,13 @@ fn images_are_multiplied_and_mixed() {
     );
 }
 
-/// A map of version 3 is by latitude and longitude around +z `[PBRT3 §12.6]`, and its colour is multiplied.
+/// A map of version 3 has latitude and longitude around +z `[PBRT3 §12.6]`, and its colour multiplies it.
 #[test]
 fn maps_of_pbrt_3_shine_from_where_they_say() {
     let (width, height) = (64, 32);
     for (x, y) in [(5, 9), (40, 20), (20, 3)] {
         let mut map = format!("PF\n{width} {height}\n-1.0\n").into_bytes();
-        // Rows from the bottom.
+        // The first row of the file is the bottom one.
         for row in (0..height).rev() {
             for column in 0..width {
                 let value = if (column, row) == (x, y) {
@@ -515,7 +517,7 @@ fn maps_of_pbrt_3_shine_from_where_they_say() {
             theta.cos(),
         );
         let there = sky.radiance(dir);
-        // Texels near the pole are narrow, and the map is resampled.
+        // Texels near the pole are narrow, and resampling blurs them.
         assert!(there.y > 30.0, "{x}, {y}: {there}");
         assert!((there.x / there.y - 2.0).abs() < 1e-3 && (there.z / there.y - 0.5).abs() < 1e-3);
         assert!(sky.radiance(-dir).y < 0.1);
@@ -530,7 +532,7 @@ fn maps_of_pbrt_3_shine_from_where_they_say() {
     assert_eq!(emission, Rgb::new(4.0, 2.0, 0.0));
 }
 
-/// Colours of other spaces: white is white, and what Rec. 709 can show is that.
+/// Colours of other spaces: white remains white, and colours within Rec. 709 are exact.
 #[test]
 fn colour_spaces_of_pbrt_are_taken_to_ours() {
     let colour = |space: &str, rgb: [f64; 3]| {
@@ -594,7 +596,7 @@ fn names_of_older_mitsuba_are_read() {
     assert!(usual("a.xml", &xml(fog)).warnings[0].contains("phase function `rayleigh`"));
 }
 
-/// The zenith is +z in Mitsuba 3 and +y before; the sun alone is a light without area.
+/// The zenith is +z in Mitsuba 3 and +y before; a sun without sky is a light without area.
 #[test]
 fn skies_of_mitsuba_have_their_sun_where_they_say() {
     let sky = |version: &str, plugin: &str, sun: &str| {
@@ -632,7 +634,7 @@ fn skies_of_mitsuba_have_their_sun_where_they_say() {
     }
 }
 
-/// Reflectance and transmittance of the base at a point of the first material, by its radiance straight back and through.
+/// Reflectance and transmittance of the first material at a point, from its BSDF straight back and straight through.
 fn both_sides(loaded: &Loaded) -> [Rgb; 2] {
     let scene = Scene::new(loaded.parts.clone());
     let ray = Ray::new(Vec3::new(0.1, 0.2, 3.0), Vec3::NEG_Z);
@@ -646,7 +648,7 @@ fn near([a, b]: [Rgb; 2], [c, d]: [Rgb; 2]) {
     assert!(far < 1e-5, "{a} {c}, {b} {d}");
 }
 
-/// Surfaces that transmit diffusely do so, on the sides and by the amounts of their formats.
+/// Diffusely transmitting surfaces transmit on the sides and by the amounts of their formats.
 #[test]
 fn foreign_surfaces_transmit_diffusely() {
     let [quarter, fifth] = [Rgb::splat(0.25), Rgb::new(0.2, 0.3, 0.1)];
@@ -678,7 +680,7 @@ fn foreign_surfaces_transmit_diffusely() {
         bright.warnings,
         ["line 2: reflectance and transmittance of more than 1 together are scaled down"]
     );
-    // A coat of version 3 dims both sides alike, and glossy transmission is named.
+    // A coat of version 3 dims both sides equally, and glossy transmission causes a warning.
     let shiny = "WorldBegin\nMaterial \"translucent\" \"rgb Kd\" [0.4 0.4 0.4] \"rgb reflect\" [1 1 1]\nShape \"disk\"";
     let shiny = usual("a.pbrt", shiny);
     let left = "line 2: glossy transmission of `translucent` is left out";

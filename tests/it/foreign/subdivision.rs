@@ -13,8 +13,8 @@ fn mesh(positions: &[[f32; 3]], indices: &[[u32; 3]]) -> Mesh {
     }
 }
 
-/// Bipyramids have valences of 4 and of 3, 5, 6, 7. Vertices lie on the limit surface at any level. Normals are those of the faces
-/// around, and point inwards as in pbrt.
+/// Bipyramids have vertices of valence 4 and of valence 3, 5, 6 or 7. Their vertices are on the limit surface at any
+/// level. Normals are those of the surrounding faces, and point inwards as in pbrt.
 #[test]
 fn vertices_of_any_valence_converge_to_their_limit() {
     for n in [3u32, 5, 6, 7] {
@@ -30,7 +30,7 @@ fn vertices_of_any_valence_converge_to_their_limit() {
         for (a, b) in coarse.positions.iter().zip(&finer.positions) {
             assert!(a.distance(*b) < 1e-5, "{n}: {a} {b}");
         }
-        // γ = 1 / (n + 3 / 8β), with β of 3/16 for three neighbours and of 3/8n for others.
+        // γ = 1 / (n + 3 / 8β), where β is 3/16 for three neighbours and 3/8n for others.
         let gamma = if n == 3 { 0.2 } else { 0.5 / n as f32 };
         let around: Vec3 = pyramids.positions[..n as usize].iter().sum();
         let apex = (1.0 - n as f32 * gamma) * pyramids.positions[n as usize] + gamma * around;
@@ -49,7 +49,7 @@ fn vertices_of_any_valence_converge_to_their_limit() {
     }
 }
 
-/// The boundary follows its own vertices, whatever lies inside; a flat mesh stays flat.
+/// The boundary depends only on its own vertices, and a flat mesh remains flat.
 #[test]
 fn boundaries_follow_their_own_rule() {
     // Corners of two, three, four and five neighbours.
@@ -71,7 +71,7 @@ fn boundaries_follow_their_own_rule() {
         "{:?}",
         fine.normals
     );
-    // A straight boundary stays where it is.
+    // A straight boundary does not move.
     assert!(fine.positions[0].length() < 1e-6);
     let bent: Vec<[f32; 3]> = points
         .iter()
@@ -80,7 +80,7 @@ fn boundaries_follow_their_own_rule() {
     let bent = mesh(&bent, &fan);
     let z = |i: usize| 0.3 * points[i][0] * points[i][1];
     let at = |i: usize| Vec3::new(points[i][0], points[i][1], z(i));
-    // Fifths of the neighbours on the boundary at the last level; before it eighths of them, and middles.
+    // At the last level neighbours on the boundary have a weight of 1/5, before it 1/8; edges are split in the middle.
     for (level, own) in [(0, 0.6), (1, 0.65)] {
         let found = subdivided(&bent, level).expect("a surface").positions[2];
         let expected = own * at(2) + 0.5 * (1.0 - own) * (at(1) + at(3));

@@ -1,4 +1,4 @@
-//! Parts of other renderers' scenes that are shown, exactly or as what is nearest, where they could be refused.
+//! Parts of other renderers' scenes that are shown exactly or approximately instead of being refused.
 
 use super::nearest::{png, usual, with_files, xml};
 use super::{message, read};
@@ -11,13 +11,13 @@ fn pbrt(text: &str) -> Loaded {
     usual("a.pbrt", &format!("WorldBegin\n{text}"))
 }
 
-/// The one word that a scene is read with.
+/// The only warning of a scene.
 fn word(loaded: &Loaded) -> &str {
     assert_eq!(loaded.warnings.len(), 1, "{:?}", loaded.warnings);
     &loaded.warnings[0]
 }
 
-/// Textures of noise are shown by their mean, which a word names; one without a mean of its own is grey.
+/// Noise textures are replaced by their mean, with a warning; textures without a known mean become grey.
 #[test]
 fn foreign_textures_of_noise_are_their_mean() {
     let colour = |texture: &str| {
@@ -50,7 +50,7 @@ fn foreign_textures_of_noise_are_their_mean() {
     assert_eq!(colour("\"ptex\""), (Rgb::splat(0.5), false));
 }
 
-/// A texture is the share of a mixture of colours and images, texel by texel; and a `bilerp` beyond its square has a word.
+/// A texture may be the share of a mixture, texel by texel; a `bilerp` beyond its square causes a warning.
 #[test]
 fn foreign_textures_are_mixed_by_textures() {
     let files = [("a.png", png(1, 8)), ("b.png", png(2, 8))];
@@ -105,7 +105,7 @@ fn pfm(side: usize, texel: impl Fn(usize) -> f32) -> Vec<u8> {
     map
 }
 
-/// Many lights from infinity are their sum in every direction.
+/// Several lights from infinity add up in every direction.
 #[test]
 fn foreign_infinite_lights_add_up() {
     let files = [
@@ -140,7 +140,7 @@ fn foreign_infinite_lights_add_up() {
         assert_eq!(with_red.radiance(dir), first.radiance(dir) + Rgb::X);
     }
     assert_eq!(sky(&[red, red]).radiance(Vec3::Z), 2.0 * Rgb::X);
-    // Mitsuba has one environment alone.
+    // Mitsuba has only one environment.
     let two = xml("<emitter type=\"constant\"/>\n<emitter type=\"constant\"/>");
     assert!(message("a.xml", &two).contains("line 3: a second environment"));
 }
@@ -173,7 +173,7 @@ fn foreign_pictures_off_the_centre_look_where_they_say() {
             .project(3.0 * dir, 2.0, Vec2::ZERO)
             .expect("in front");
         assert!(seen.distance(film) < 1e-5);
-        // The camera is three times as large as its own units.
+        // The camera's units are three times as large as the scene's.
         let ray = camera(
             "orthographic",
             "Scale 0.3333333333 0.3333333333 0.3333333333",
@@ -185,7 +185,7 @@ fn foreign_pictures_off_the_centre_look_where_they_say() {
             "{origin}"
         );
     }
-    // By Mitsuba 3.9: directions of its rays through these places, a sample at the middle of the wavelengths.
+    // Ray directions of Mitsuba 3.9 through these film positions, for the middle of the wavelengths.
     let text = xml(
         "<sensor type=\"perspective\"><float name=\"fov\" value=\"50\"/><float name=\"principal_point_offset_x\" value=\"0.2\"/>\
          <float name=\"principal_point_offset_y\" value=\"-0.1\"/><film type=\"hdrfilm\"><integer name=\"width\" value=\"60\"/>\
@@ -200,7 +200,7 @@ fn foreign_pictures_off_the_centre_look_where_they_say() {
         let found = camera.ray(film, 1.5).dir;
         assert!(found.distance(dir.into()) < 1e-5, "{film}: {found}");
     }
-    // What glTF cannot hold is named.
+    // Shifts of the picture, which glTF cannot express, are reported.
     let lost =
         opsr_lab::gallery::lowered::lowered(read("a.xml", &text, false).expect("a scene").parts)
             .lost;
@@ -211,7 +211,7 @@ fn foreign_pictures_off_the_centre_look_where_they_say() {
     );
 }
 
-/// A lens by its surfaces is shown by its focal length and its entrance pupil: those of a ball of glass, which stand in any book.
+/// A lens given by its surfaces becomes its focal length and entrance pupil, tested with a ball of glass.
 #[test]
 fn foreign_lenses_by_their_surfaces_have_their_focal_length() {
     let shot = |lens: &str, more: &str| {
@@ -226,7 +226,8 @@ fn foreign_lenses_by_their_surfaces_have_their_focal_length() {
             Unsupported::Nearest,
         )
     };
-    // A stop 5 mm before a ball of radius 10 mm and index 1.5: focal length n R / (2 (n − 1)). The stop is its own entrance pupil.
+    // A stop 5 mm in front of a ball of radius 10 mm and index 1.5: focal length n R / (2 (n − 1)). The stop is the
+    // pupil.
     let ball = "# a ball\n0 5 0 4\n10 20 1.5 20\n-10 30 1 20\n";
     let loaded = shot(
         ball,
@@ -248,10 +249,10 @@ fn foreign_lenses_by_their_surfaces_have_their_focal_length() {
         (lens.radius - 0.0015).abs() < 1e-7 && lens.focus == 2.0,
         "{lens:?}"
     );
-    // Wider than the stop's own size it does not open.
+    // The parameter cannot exceed the size of the stop.
     let wide = shot(ball, "\"float aperturediameter\" 9").expect("a scene");
     assert!((wide.parts.cameras[0].lens.expect("a lens").radius - 0.002).abs() < 1e-7);
-    // A stop behind a thin lens of focal length 20 mm, half-way to its focus, looks twice as large.
+    // A stop behind a thin lens of focal length 20 mm, half-way to its focus, appears twice as large.
     let behind = "20 0 1.5 20\n-20 10 1 20\n0 10 0 4\n";
     let lens = shot(behind, "\"float aperturediameter\" 4")
         .expect("a scene")
@@ -273,7 +274,7 @@ fn foreign_lenses_by_their_surfaces_have_their_focal_length() {
     }
 }
 
-/// Parts of mixtures, and materials of shapes in objects, may be declared later, as may objects.
+/// Parts of mixtures, materials of shapes in objects, and objects may be declared later.
 #[test]
 fn foreign_parts_of_mixtures_may_be_declared_later() {
     let mixture = "MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [ \"a\" \"n\" ] \"float amount\" 0.25\n\
@@ -318,7 +319,7 @@ fn foreign_parts_of_mixtures_may_be_declared_later() {
     assert!(said.contains("a mixture that holds itself"), "{said}");
 }
 
-/// Names of pbrt-v3 and of Mitsuba 0.6 that change nothing pass, and others have a word or their meaning.
+/// Names of pbrt-v3 and of Mitsuba 0.6 without effect are accepted; others take effect or cause a warning.
 #[test]
 fn foreign_names_of_older_files_are_known() {
     let triangle = "\"point P\" [ 0 0 0 1 0 0 0 1 0 ]";
@@ -330,7 +331,7 @@ fn foreign_names_of_older_files_are_known() {
         "Shape \"trianglemesh\" {triangle} \"float shadowalpha\" 0"
     ));
     assert!(word(&shadow).contains("`shadowalpha` of `trianglemesh` is not taken"));
-    // It guides samples alone: the lamp's own image has the light.
+    // This image only guides sampling; the emission is that of the lamp itself.
     let lamp = pbrt(
         "AreaLightSource \"diffuse\" Shape \"bilinearmesh\" \"string emissionfilename\" \"a.exr\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 1 1 0 ]",
     );
@@ -373,8 +374,8 @@ fn foreign_names_of_older_files_are_known() {
     assert!(finish.has_colors && painted.parts.materials[0].base_color == Rgb::ONE);
 }
 
-/// A projector is a spot of its mean. Mitsuba 3.9 shows a radiance of 0.75 on a white wall at distance 2 for an image of 3, over
-/// 0.728 times half of that to each side.
+/// A projector is a spot light of its mean. For an image of 3 Mitsuba 3.9 has a radiance of 0.75 on a white wall at
+/// distance 2, within 0.728 times half of that to each side.
 #[test]
 fn foreign_projectors_are_spots_of_their_mean() {
     let text = |more: &str| {
@@ -416,7 +417,7 @@ fn foreign_projectors_are_spots_of_their_mean() {
     assert!(said.contains("line 2: "), "{said}");
 }
 
-/// Phase functions are shown by their mean cosine.
+/// Phase functions are replaced by Henyey and Greenstein's with their mean cosine.
 #[test]
 fn foreign_phase_functions_have_their_mean_cosine() {
     let cosine = |phase: &str| {
@@ -432,7 +433,7 @@ fn foreign_phase_functions_have_their_mean_cosine() {
             .expect("a medium")
             .mean_cosine
     };
-    // ∫ c (1 + c) over ∫ (1 + c) is 1/3; of a tent around 0 it is 0.
+    // ∫ c (1 + c) over ∫ (1 + c) is 1/3; a tent around 0 has 0.
     let table = |values: &str| {
         format!("<phase type=\"tabphase\"><string name=\"values\" value=\"{values}\"/></phase>")
     };
@@ -473,7 +474,7 @@ fn foreign_phase_functions_have_their_mean_cosine() {
     }
 }
 
-/// Hair is a surface of the colour that its absorption gives many hairs, and curves are tubes of their radius.
+/// Hair is a surface with its multiple-scattering colour, and curves are tubes of their radius.
 #[test]
 fn foreign_hair_is_tubes_of_its_colour() {
     let of_pbrt = |more: &str| {
@@ -481,7 +482,7 @@ fn foreign_hair_is_tubes_of_its_colour() {
         assert!(word(&loaded).contains("a glossy surface of its colour"));
         loaded.parts.materials[0].base_color
     };
-    // Chiang et al. 2016: absorption (ln c / f)² of colour c, with f of a roughness of 0.3.
+    // Chiang et al. 2016: a colour c has the absorption (ln c / f)², with f for a roughness of 0.3.
     let f = 5.969 - 0.215 * 0.3 + 2.532 * 0.3f32.powi(2) - 10.73 * 0.3f32.powi(3)
         + 5.574 * 0.3f32.powi(4)
         + 0.245 * 0.3f32.powi(5);
@@ -530,7 +531,7 @@ fn foreign_hair_is_tubes_of_its_colour() {
         (fold(Vec3::min), fold(Vec3::max))
     };
     let file = "<string name=\"filename\" value=\"c.txt\"/>";
-    // Points are moved, radii are not scaled, as in Mitsuba 3.9. A spline goes from the mean of its first points, weighted 1, 4, 1.
+    // Points are transformed, radii are not, as in Mitsuba 3.9. A spline begins at a mean with weights 1, 4, 1.
     for (plugin, more, low, high, radius) in [
         ("linearcurve", file.to_owned(), 0.0, 6.0, 0.1),
         ("bsplinecurve", file.to_owned(), 2.0, 4.0, 0.1),
@@ -594,7 +595,7 @@ fn foreign_hair_is_tubes_of_its_colour() {
     }
 }
 
-/// The error of curves of this file.
+/// The error for curves with these contents.
 fn refused(plugin: &str, curves: &[u8]) -> String {
     let file = "<string name=\"filename\" value=\"c.txt\"/>";
     let text = xml(&format!("<shape type=\"{plugin}\">{file}</shape>"));
@@ -603,7 +604,7 @@ fn refused(plugin: &str, curves: &[u8]) -> String {
     read.expect_err("an error")
 }
 
-/// Cameras whose pictures have no finite size.
+/// Cameras whose pictures have no finite size are refused.
 #[test]
 fn foreign_pictures_without_a_size_are_refused() {
     let wide = "\"float screenwindow\" [ 1e300 1.1e300 0 1e299 ]";

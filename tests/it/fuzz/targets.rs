@@ -57,12 +57,12 @@ pub(super) fn written(save: impl FnOnce(&Path) -> Result<(), String>) -> Vec<u8>
     std::fs::read(&path).expect("a file")
 }
 
-/// Scenes of other renderers, and their meshes.
+/// Scenes of other renderers, and the meshes of such scenes.
 pub(crate) fn foreign() -> Vec<Target> {
     let file = |name: &str| {
         let folder = root().join("tests/data/scenes");
         let text = std::fs::read_to_string(folder.join(name)).expect("a scene");
-        // Round shapes are many triangles.
+        // Spheres would become many triangles.
         let text = text.replace(
             "\"sphere\"",
             if name.ends_with("xml") {
@@ -98,7 +98,7 @@ pub(crate) fn foreign() -> Vec<Target> {
         assert!(mean.pixels.iter().all(|p| p.is_finite()), "{path:?}");
         Ok(format!("{meshes} meshes, {lights} lights"))
     }
-    /// A mesh, by a scene beside it.
+    /// A mesh, read by a scene in the same folder.
     fn mesh(path: &Path) -> Result<String, String> {
         let name = path
             .file_name()
@@ -175,7 +175,7 @@ pub(crate) fn foreign() -> Vec<Target> {
     ]
 }
 
-/// Names of pbrt-v3, mixtures, and a movement.
+/// A pbrt-v3 scene with mixtures and a movement.
 const OLDER_PBRT: &str = "LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" WorldBegin ColorSpace \"rec2020\"\n\
     LightSource \"point\" \"color I\" [1 2 3] \"rgb scale\" [1 1 1]\n\
     MakeNamedMaterial \"a\" \"string type\" \"uber\" \"rgb Kd\" [.5 .5 .5] \"rgb opacity\" [.5 .5 .5] \"float index\" 1.4\n\
@@ -184,14 +184,14 @@ const OLDER_PBRT: &str = "LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" WorldB
     Material \"mix\" \"string materials\" [\"c\" \"b\"] \"float amount\" .5 Shape \"disk\"\n\
     ActiveTransform EndTime Rotate 7 0 0 1 ActiveTransform All Material \"glass\" Shape \"disk\" \"float radius\" 2";
 
-/// Names of Mitsuba 0.6, and mixtures.
+/// A Mitsuba 0.6 scene with mixtures.
 const OLDER_XML: &str = "<scene version=\"0.6.0\"><sensor type=\"perspective\"><float name=\"fov\" value=\"40\"/></sensor>\
     <emitter type=\"sun\"><vector name=\"sunDirection\" x=\"1\" y=\"1\" z=\"0\"/></emitter>\
     <shape type=\"merge\"><shape type=\"cube\"><bsdf type=\"mixturebsdf\"><string name=\"weights\" value=\".2, .3, .5\"/>\
     <bsdf type=\"phong\"><float name=\"exponent\" value=\"9\"/></bsdf><bsdf type=\"ward\"/><bsdf type=\"coating\"><bsdf type=\"diffuse\"/></bsdf>\
     </bsdf></shape></shape></scene>";
 
-/// Materials of all kinds.
+/// A material file with materials of several kinds.
 fn mtl() -> Vec<u8> {
     b"newmtl a\nKd 0.5 0.4 0.3\nKs 0.5 0.5 0.5\nNs 100\nillum 2\nKe 1 1 1\nd 0.5\n\
       newmtl b\nNi 1.5\nd 0.1\nTf 1 0.9 0.8\nillum 7\nPr 0.3\nPm 0.5\n"
@@ -215,7 +215,7 @@ fn streams(kind: &str) -> Vec<Vec<u8>> {
                 file.bytes[at("byteOffset")..][..at("byteLength")].to_vec()
             })
             .into(),
-        // The stream behind its description.
+        // The stream after its JSON description.
         _ => {
             let (ext, khr) = (read("ext.glb"), read("khr.glb"));
             let of = |glb: &[u8], extension: &str| -> Vec<Vec<u8>> {
@@ -240,7 +240,7 @@ fn streams(kind: &str) -> Vec<Vec<u8>> {
     }
 }
 
-/// A glTF file beside another, around its bytes.
+/// Writes a glTF file next to a compressed one, with its bytes inside.
 fn wrapped(path: &Path, file: fn(&[u8]) -> File) -> std::path::PathBuf {
     let name = path.file_name().and_then(|name| name.to_str());
     let around = path.with_file_name(format!("{}.glb", name.unwrap_or_default()));
@@ -249,7 +249,7 @@ fn wrapped(path: &Path, file: fn(&[u8]) -> File) -> std::path::PathBuf {
     around
 }
 
-/// A primitive of a Draco stream.
+/// A primitive with a Draco stream.
 fn draco(stream: &[u8]) -> File {
     File::of(|file| {
         let view = file.view(stream);
@@ -270,7 +270,7 @@ fn draco(stream: &[u8]) -> File {
     })
 }
 
-/// A triangle beside a compressed view.
+/// A triangle with a meshopt-compressed view.
 fn meshopt(bytes: &[u8]) -> File {
     let mut file = File::triangle();
     let split = bytes
@@ -298,7 +298,7 @@ fn meshopt(bytes: &[u8]) -> File {
     file
 }
 
-/// A triangle with a texture.
+/// A triangle with a KTX2 texture.
 fn ktx2(bytes: &[u8]) -> File {
     let mut file = File::triangle();
     let view = file.view(bytes);
@@ -313,7 +313,7 @@ fn ktx2(bytes: &[u8]) -> File {
     file
 }
 
-/// A triangle of bytes.
+/// A triangle in binary PLY.
 fn binary_ply() -> Vec<u8> {
     let mut bytes = b"ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
         property float z\nproperty float u\nproperty float v\nelement face 1\n\
@@ -331,7 +331,7 @@ fn binary_ply() -> Vec<u8> {
     bytes
 }
 
-/// A stop before a ball of glass.
+/// A lens file: a stop in front of a ball of glass.
 const LENS: &str = "# a ball\n0 5 0 4\n10 20 1.5 20\n-10 30 1 20\n";
 
 /// Two strands as text, and in Mitsuba's binary form.
@@ -348,7 +348,7 @@ fn hair() -> Vec<Vec<u8>> {
     vec![text.join("\n").into_bytes(), binary]
 }
 
-/// A triangle of Mitsuba's own format.
+/// A triangle in Mitsuba's `.serialized` format.
 fn serialized() -> Vec<u8> {
     use std::io::Write;
     let mut body = 0x1000u32.to_le_bytes().to_vec();
@@ -400,7 +400,7 @@ pub(crate) fn gltf() -> Target {
             };
             let view = View::of(&scene, &camera, &picture.film);
             settings.integrator().pass(&view, 0..1, &mut picture);
-            // One of the other estimators, which depends on the file alone.
+            // One of the other estimators, which the file alone determines.
             let others = [
                 Estimator::Guided { unbiased: false },
                 Estimator::Light,
@@ -431,7 +431,7 @@ pub(crate) fn exr() -> Target {
         seeds: seeds::exr(),
         repair: repair::nothing,
         read: |path| {
-            // A file without the channels of a film or of a picture is still accepted; the summary tells.
+            // A file without the channels of a film or of a picture is accepted, and the summary says so.
             let error_of = |r: Result<(), FileError>| {
                 let name = path.display().to_string();
                 let message = r.map_or_else(|e| e.to_string(), |()| name.clone());

@@ -1,4 +1,4 @@
-//! Broken files are refused with the place of the fault; nothing panics or allocates by false lengths.
+//! Broken files are refused with the place of the fault, without panics and without allocations by false lengths.
 
 use crate::support::gltf::{File, floats, load_bytes, load_in, shorts};
 use serde_json::{Value, json};
@@ -59,7 +59,7 @@ pub(crate) fn good() -> File {
     file
 }
 
-/// Sets a JSON pointer, its last key new or not; `null` removes it.
+/// Sets the value at a JSON pointer, whose last key may be new; `null` removes it.
 fn edit(json: &mut Value, pointer: &str, value: Value) {
     let (parent, key) = pointer.rsplit_once('/').expect("a pointer");
     match json
@@ -105,7 +105,7 @@ fn load_accepts_the_unbroken_file() {
 
 #[test]
 fn load_refuses_every_invalid_value_by_place() {
-    // A line of the table is a JSON pointer, the value put there (`null` removes it), and a piece of the message.
+    // A line of the table is a JSON pointer, its new value (`null` removes it), and a part of the message.
     let table = include_str!("edits.txt").lines();
     let table: Vec<&str> = table.filter(|line| !line.starts_with('#')).collect();
     assert!(table.len() >= 95);
@@ -128,7 +128,7 @@ fn load_refuses_broken_bytes() {
         file.bytes[at..at + bytes.len()].copy_from_slice(bytes);
         file.gltf()
     };
-    // The first view holds 48 bytes of positions; the fifth, after 48 + 48 + 32 + 64 bytes, indices.
+    // The first view has 48 bytes of positions; the fifth, after 48 + 48 + 32 + 64 bytes, has indices.
     refused(
         &poke(8, &f32::NAN.to_le_bytes()),
         "POSITION: position 0 is not finite",
@@ -211,7 +211,7 @@ fn load_refuses_broken_bytes() {
     ] {
         refused(text.as_bytes(), fragment, text);
     }
-    // Nesting deeper than any stack, left open and closed.
+    // Nesting deeper than any stack, with and without its end.
     let deep = "[".repeat(100_000);
     let text = format!("{{\"asset\":{{\"version\":\"2.0\"}},\"extensions\":{{\"x\":{deep}");
     refused(text.as_bytes(), "JSON: EOF", "deep nesting");
@@ -235,7 +235,7 @@ fn load_refuses_external_files_by_name() {
         ("%2e%2e/x", "leaves the scene's folder"),
         ("file:///etc/passwd", "only relative files"),
         ("https://example.org/a.bin", "only relative files"),
-        // Not encoded: the name as it stands.
+        // An invalid encoding is taken as it stands.
         ("%zz", "%zz: No such file"),
         ("data:,%zz", "without two hexadecimal digits"),
         ("%ff", "not UTF-8"),

@@ -1,6 +1,7 @@
-//! Compressed glTF files against what the reference decoders make of them: Google's (Draco) and meshoptimizer's own. The files of
-//! `tests/data/compressed` are a bumpy shell over a ground, with a texture, colours and an animation, written by gltf-transform 4.5.1
-//! (`draco`, `sequential`), gltfpack 1.0 (`ext`, `khr` with every filter, `fallback`) and the encoder of Basis Universal (`.ktx2`).
+//! Compressed glTF files against the reference decoders: Google's (Draco) and meshoptimizer's own. The files of
+//! `tests/data/compressed` are a bumpy shell over a ground, with a texture, colours and an animation. Writers:
+//! gltf-transform 4.5.1 (`draco`, `sequential`), gltfpack 1.0 (`ext`, `khr` with every filter, `fallback`), Basis
+//! Universal (`.ktx2`).
 
 use super::broken::refused;
 use crate::support::gltf::File;
@@ -28,7 +29,7 @@ fn error(file: &File) -> String {
     loaded(&file.glb(), None).expect_err("an error")
 }
 
-/// Asserts that two files give the same meshes, to the bit, at a moment of their animations.
+/// Asserts that two files give bit-identical meshes at a moment of their animations.
 fn same(a: &[u8], b: &[u8]) {
     let [a, b] = [a, b].map(|glb| {
         loaded(glb, Some(0.7))
@@ -58,14 +59,14 @@ fn compressed_meshes_are_those_of_the_reference_decoders() {
             &data(&format!("{name}_plain.glb")),
         );
     }
-    // The file that its fallback names is not there.
+    // The external file of its fallback does not exist.
     same(&data("fallback.glb"), &data("ext_plain.glb"));
 }
 
-/// A `.glb` file of the data, its JSON changed.
+/// A `.glb` file of the data with changed JSON.
 fn changed(name: &str, change: impl FnOnce(&mut Value)) -> File {
     let mut file = File::from_glb(&data(name));
-    // The file is written with one buffer: the views of the placeholder are in it.
+    // The file is written with one buffer, which contains the views of the placeholder.
     for view in file.json["bufferViews"].as_array_mut().expect("views") {
         view["buffer"] = json!(0);
     }
@@ -73,7 +74,7 @@ fn changed(name: &str, change: impl FnOnce(&mut Value)) -> File {
     file
 }
 
-/// The compression of the first primitive.
+/// The Draco extension of the first primitive.
 fn draco(json: &mut Value) -> &mut Value {
     &mut json["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"]
 }
@@ -135,7 +136,7 @@ fn draco_faults_name_their_place() {
 
 #[test]
 fn draco_streams_do_not_mix_where_primitives_share_accessors() {
-    // The ground's primitive names the shell's positions, as files may whose placeholders are alike.
+    // The ground's primitive refers to the shell's positions, as in files with equal placeholders.
     let file = changed("draco.glb", |json| {
         let shared = json["meshes"][0]["primitives"][0]["attributes"]["POSITION"].clone();
         json["meshes"][1]["primitives"][0]["attributes"]["POSITION"] = shared;
@@ -143,7 +144,7 @@ fn draco_streams_do_not_mix_where_primitives_share_accessors() {
     same(&file.glb(), &data("draco_plain.glb"));
 }
 
-/// Primitives of one stream and other materials share its accessors.
+/// Primitives with one stream and different materials share accessors.
 #[test]
 fn draco_streams_are_shared_where_materials_differ() {
     let file = changed("draco.glb", |json| {
@@ -165,7 +166,7 @@ fn draco_streams_are_shared_where_materials_differ() {
     assert_eq!(second.material, 1);
 }
 
-/// Compression of the first compressed view, which is number 1.
+/// The meshopt extension of the first compressed view, which has index 1.
 fn view(json: &mut Value) -> &mut Value {
     &mut json["bufferViews"][1]["extensions"]["EXT_meshopt_compression"]
 }
@@ -210,7 +211,7 @@ fn meshopt_faults_name_their_place() {
 
 #[test]
 fn ktx2_textures_are_near_their_pictures() {
-    // Peak signal to noise in decibels: ETC1S has one colour a block, UASTC nearly all.
+    // Least peak signal to noise in decibels: ETC1S has one colour per block, UASTC nearly all colours.
     for (name, picture, least) in [
         ("etc1s", "color", 27.0),
         ("etc1s_alpha", "color_alpha", 27.0),
@@ -239,7 +240,7 @@ fn ktx2_textures_are_near_their_pictures() {
     }
 }
 
-/// A file with a texture of these bytes, beside a PNG that the extension is in place of.
+/// A file with a texture of these bytes, and the PNG that the extension replaces.
 fn textured(ktx: &[u8]) -> File {
     let mut file = File::triangle();
     let (png, ktx) = (file.view(&data("color_alpha.png")), file.view(ktx));
@@ -272,7 +273,7 @@ fn ktx2_faults_name_their_image() {
         (with(88, length), "pass the end of the file"),
         (with(100, 1 << 6), "do not fit its size"),
         (with(12, 97), "no Basis Universal"),
-        // The mark of Zstandard.
+        // The magic number of Zstandard.
         (with(start, 0), "cannot be decoded"),
         (zstd[..zstd.len() / 2].to_vec(), "pass the end of the file"),
     ] {
@@ -282,7 +283,7 @@ fn ktx2_faults_name_their_image() {
             "{said}"
         );
     }
-    // Without the decoder, the picture that the file has for others is shown.
+    // Without the decoder the PNG for other programs is shown.
     assert_eq!(textured(&zstd).loaded().parts.textures[0].channels, 4);
     let mut file = textured(&zstd);
     file.json["extensionsRequired"] = json!(["KHR_texture_basisu"]);

@@ -1,4 +1,4 @@
-//! Extensions: the table of the documents, refusals with their remedy, WebP.
+//! Extensions: the table in the documentation, refusals with a remedy, WebP.
 
 use super::broken::refused;
 use crate::support::gltf::File;
@@ -52,7 +52,7 @@ fn extensions_required_are_refused_all_at_once() {
     }
 }
 
-/// A file whose only material takes its base colour from a texture with this description.
+/// A file whose only material has its base colour from a texture with this description.
 fn textured(image: &[u8], texture: serde_json::Value) -> File {
     let mut file = File::triangle();
     let view = file.view(image);

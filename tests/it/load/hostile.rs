@@ -1,11 +1,11 @@
-//! Small files that ask for much memory, and random files: no panic, bounded memory.
+//! Small files that request much memory, and random files: no panic, bounded memory.
 
 use super::broken::{good, refused};
 use crate::fuzz::mutate::Rng;
 use crate::support::gltf::{File, load_bytes};
 use serde_json::{Value, json};
 
-/// A 1 x 1 PNG whose header claims another size, checksum and all.
+/// A 1 x 1 PNG whose header states another size, with a valid checksum.
 pub(crate) fn claiming(width: u32, height: u32) -> Vec<u8> {
     let mut bytes = crate::support::gltf::png(&image::DynamicImage::new_rgb8(1, 1));
     bytes[16..20].copy_from_slice(&width.to_be_bytes());
@@ -48,7 +48,7 @@ fn load_limits_accessors_without_bytes() {
 
 #[test]
 fn load_limits_instances() {
-    // Each instance is small, all together are not.
+    // A single instance is small, but all together are too large.
     let mut file = good();
     let accessor = &mut file.json["accessors"][0];
     accessor.as_object_mut().unwrap().remove("bufferView");
@@ -58,7 +58,7 @@ fn load_limits_instances() {
         file.json["nodes"] = json!(vec![json!({ "mesh": 0 }); nodes]);
         file.json["scenes"][0]["nodes"] = json!((0..nodes).collect::<Vec<_>>());
     };
-    // Copies of a lamp are in memory one by one, other meshes are shared.
+    // Copies of a lamp are stored one by one, other meshes are shared.
     let materials = [json!({ "emissiveFactor": [1, 1, 1] }), json!({})];
     file.json["materials"] = json!(materials);
     for (nodes, material) in [(100, 0), (7000, 1)] {
@@ -73,7 +73,7 @@ fn load_limits_instances() {
 
 #[test]
 fn load_deep_node_graphs_and_refuses_cycles() {
-    // A chain deeper than any stack is walked; closed to a ring, it is refused.
+    // A chain of nodes deeper than any stack is loaded; closed to a cycle it is refused.
     let n = 50_000;
     let mut file = File::triangle();
     let mut nodes: Vec<Value> = (1..n).map(|i| json!({ "children": [i] })).collect();
@@ -130,7 +130,7 @@ pub(crate) fn pointers(value: &Value, at: &str, out: &mut Vec<String>) {
     out.push(at.to_owned());
 }
 
-/// Loads as many files; the share that loads is neither small nor large: the changes are of the right size.
+/// Loads this many files. The share of valid files must be neither small nor large: it shows the size of the changes.
 fn run(cases: u64, mut file: impl FnMut(&mut Rng) -> Vec<u8>) {
     let mut good = 0;
     for case in 0..cases {
@@ -191,7 +191,7 @@ fn load_survives_random_values() {
     run(1000, |rng| {
         let mut file = base.clone();
         for _ in 0..1 + rng.below(3) {
-            // Mostly an odd value, sometimes another part of the file.
+            // Mostly an unusual value, sometimes another part of the file.
             let value = match odd.get(rng.below(odd.len() + 3)) {
                 Some(odd) => odd.clone(),
                 None => base

@@ -1,5 +1,5 @@
-//! Loading what few materials have, and what it looks like: colours of vertices, second coordinates, variants, sheen, films,
-//! textures of the reflectance.
+//! Loading rare features of materials: vertex colours, second texture coordinates, variants, sheen, films, and textures
+//! of the reflectance.
 
 use crate::support::gltf::File;
 use image::{DynamicImage, RgbImage, RgbaImage};
@@ -10,8 +10,8 @@ use opsr::scene::{Scene, Surface};
 use serde_json::{Value, json};
 use std::f32::consts::PI;
 
-/// A triangle with a material, and a texture whose left half is black and whose right half is white and half opaque. Set 0 of
-/// its coordinates lies in the left half, set 1 in the right.
+/// A triangle with a material, and a texture whose left half is black and whose right half is white and half opaque.
+/// Its coordinates of set 0 are in the left half, those of set 1 in the right.
 fn painted(material: Value) -> File {
     let mut file = File::triangle();
     let texels = RgbaImage::from_fn(8, 1, |x, _| match x {
@@ -81,7 +81,7 @@ fn vertex_colours_multiply_the_base_colour_and_the_opacity() {
         (color - Rgb::new(0.15, 0.2, 0.5)).abs().max_element() < 1e-3,
         "{color}"
     );
-    // White ones are as none.
+    // White vertex colours are dropped.
     let mut white = File::triangle();
     let index = white.floats("VEC3", &[1.0; 9]);
     white.primitive()["attributes"]["COLOR_0"] = json!(index);
@@ -168,7 +168,7 @@ fn sheen_and_iridescence_are_read_with_their_textures() {
     };
     let roughness: f32 = 0.5 * 128.0 / 255.0;
     assert!((sheen.alpha - roughness * roughness).abs() < 1e-6);
-    // Over the chance of 0.3 times its largest channel.
+    // The colour is divided by the probability of 0.3 times its largest channel.
     assert!(
         (sheen.color - Rgb::new(0.5, 0.25, 0.125) / 0.15)
             .abs()
@@ -195,7 +195,7 @@ fn sheen_and_iridescence_are_read_with_their_textures() {
 
 #[test]
 fn diffuse_transmission_is_read_with_its_textures() {
-    // A Lambertian base of this colour, unless another metalness gives it a coat.
+    // A base of this colour: Lambertian, unless the metalness adds a metal lobe.
     let of = |metallic: f32, extension: Value, others: Value| {
         let mut material = json!({
             "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.25, 1, 1], "metallicFactor": metallic },
@@ -205,7 +205,7 @@ fn diffuse_transmission_is_read_with_its_textures() {
         material["extensions"]["KHR_materials_diffuse_transmission"] = extension;
         painted(material).loaded()
     };
-    // Reflectance and transmittance straight back and through.
+    // Reflectance and transmittance, straight back and straight through.
     let shown = |loaded: Loaded| {
         assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
         let (_, _, bsdf) = seen(loaded, 0.0);
@@ -242,7 +242,7 @@ fn diffuse_transmission_is_read_with_its_textures() {
         [(1.0 - weight) * base, Rgb::ZERO],
     );
     assert_eq!(shown(of(1.0, all(1), json!({})))[1], Rgb::ZERO);
-    // A body: as a sheet where nothing else passes its surface, not at all in glass.
+    // In a body it applies as in a sheet if the surface transmits nothing else; in glass it is ignored.
     let volume = |transmission: f32| {
         json!({
             "KHR_materials_volume": { "thicknessFactor": 1 },
@@ -322,7 +322,7 @@ fn materials_with_the_same_trouble_share_a_warning() {
     );
 }
 
-/// Solid glass of a modelling program tints light twice: the square of the tint is the base colour.
+/// Solid glass from a modelling program tints light twice, so the base colour is the square of the tint.
 #[test]
 fn bodies_of_solid_glass_tint_by_the_root_of_the_base_colour() {
     use opsr_lab::gallery::glb;
@@ -352,7 +352,7 @@ fn bodies_of_solid_glass_tint_by_the_root_of_the_base_colour() {
     assert!((glass.tint - Rgb::new(0.5, 0.8, 1.0)).abs().max_element() < 1e-6);
 }
 
-/// Closed glass of Blender's exporter is a body unless the user says thin; of others it is a thin wall unless the user says solid.
+/// Closed glass from Blender is a body unless the user chooses thin; other closed glass is a thin wall unless solid.
 #[test]
 fn closed_glass_of_blender_is_a_body() {
     use opsr_lab::gallery::glb;
@@ -384,7 +384,7 @@ fn closed_glass_of_blender_is_a_body() {
     assert_eq!(load("other", Some(true)), (true, 0));
 }
 
-/// Decoration is no light; lamps are.
+/// Decoration does not light a scene; lamps do.
 #[test]
 fn files_are_lit_by_lamps_alone() {
     let lit = |material: Value| {
