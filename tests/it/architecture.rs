@@ -36,8 +36,7 @@ pub(crate) fn stripped(text: &str) -> String {
         if line.trim() == "#[cfg(test)]" {
             tests = Some((line.replace("#[cfg(test)]", "}"), true));
         } else if let Some((end, starts)) = &mut tests {
-            // A test module ends with a brace at the indentation of its attribute; a test module in another file is a
-            // single line.
+            // A test module ends with a brace at its attribute's indentation; one in another file is a single line.
             let in_a_file = *starts && line.ends_with(';');
             *starts &= line.trim().starts_with("#[");
             if in_a_file || line == end {

@@ -374,8 +374,7 @@ fn foreign_scenes_are_written_as_gltf() {
     assert!((before / after - 1.0).abs() < 0.1, "{before} {after}");
 }
 
-/// Vertex colours, sheen, films, unlit materials, and hidden lamps or lamps with a cone, written as glTF and read
-/// again.
+/// Vertex colours, sheen, films, unlit materials, hidden and cone-shaped lamps, written as glTF and read again.
 #[test]
 fn foreign_looks_as_gltf_are_the_same_again() {
     use opsr::math::Vec4;
@@ -753,8 +752,7 @@ fn foreign_camera_in_a_medium_that_fills_bodies_too() {
             );
         }
     }
-    // A glass body around the camera does not determine a medium. A shape without an exterior contradicts a camera in
-    // fog.
+    // Glass around the camera does not determine a medium. A shape without an exterior contradicts a camera in fog.
     let glass = "<shape type=\"sphere\"><point name=\"center\" z=\"2.5\"/><float name=\"radius\" value=\"0.2\"/>\
         <bsdf type=\"dielectric\"/></shape></scene>";
     let text = mitsuba(2.5).replace("</scene>", glass);

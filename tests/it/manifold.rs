@@ -1,4 +1,4 @@
-//! Manifold sampling beside estimators that find the same light by other ways.
+//! Manifold sampling compared with estimators that find the same light by other techniques.
 
 use super::support::render;
 use opsr::image::Film;
@@ -16,10 +16,10 @@ fn settings(estimator: Estimator, seed: u64) -> Settings {
     }
 }
 
-/// Pixels a side, and tiles of four.
+/// Side of the picture in pixels; tiles are 4 × 4.
 const SIDE: u32 = 12;
 
-/// A lamp at this height that shines down.
+/// A lamp that shines down from a height, of constant power for any side.
 fn lamp(mut parts: SceneParts, height: f32, side: f32) -> Scene {
     let corner = Vec3::new(-0.5 * side, height, -0.5 * side);
     let quad = shapes::quad(corner, side * Vec3::X, side * Vec3::Z);
@@ -28,7 +28,7 @@ fn lamp(mut parts: SceneParts, height: f32, side: f32) -> Scene {
     render::scene(parts)
 }
 
-/// A point light at this height, and a sun.
+/// A point light at a height, and a sun.
 fn point_and_sun(mut parts: SceneParts, height: f32) -> Scene {
     parts.lights.push(PunctualLight::Point {
         position: Vec3::new(0.3, height, -0.2),
@@ -56,7 +56,7 @@ fn on_floor(height: f32, side: f32) -> SceneParts {
     parts
 }
 
-/// A polished ball beside which the floor has the light of its reflection.
+/// A polished ball that casts a reflected caustic on the floor.
 fn mirror_ball() -> SceneParts {
     let mut parts = on_floor(0.0, 6.0);
     let ball = shapes::sphere(Vec3::new(0.0, 0.8, 0.0), 0.8, 4);
@@ -79,7 +79,7 @@ fn glass_ball() -> SceneParts {
     parts
 }
 
-/// A floor under water with a round surface, seen from below it.
+/// A floor under water with a spherical surface, seen from inside the water.
 fn round_water() -> SceneParts {
     let mut parts = on_floor(-0.5, 2.0);
     let water = shapes::sphere(Vec3::ZERO, 2.0, 4);
@@ -92,7 +92,7 @@ fn round_water() -> SceneParts {
     parts
 }
 
-/// A floor under flat water, whose sides reflect too.
+/// A floor under flat water, whose vertical sides reflect too.
 fn flat_water() -> SceneParts {
     let mut parts = on_floor(-0.5, 1.9);
     let water = shapes::cuboid(Vec3::new(-1.0, -1.0, -1.0), Vec3::new(1.0, 0.5, 1.0));
@@ -101,7 +101,7 @@ fn flat_water() -> SceneParts {
     parts
 }
 
-/// Pictures of equal mean, but for this relative bias: z of the whole and of all tiles is small.
+/// Asserts equal means within noise, or within a relative bias, of the whole picture and of each tile.
 fn assert_agree(name: &str, [a, b]: [&Film; 2], bias: f64) {
     let films = [a, b].map(|film| (film.mean().pixels, film.variance_of_mean().pixels));
     let z = |of: &dyn Fn(usize) -> bool| {
@@ -110,10 +110,10 @@ fn assert_agree(name: &str, [a, b]: [&Film; 2], bias: f64) {
                 let those = pixels.iter().enumerate().filter(|(i, _)| of(*i));
                 those.map(|(_, p)| f64::from(p.element_sum())).sum::<f64>()
             };
-            // Channels of a pixel go together.
+            // Channels of a pixel are fully correlated.
             (sum(means), 3.0 * sum(variances))
         });
-        // Nothing but darkness agrees.
+        // Two black pictures agree.
         let z = (a - b) / (s + t).sqrt();
         (if a == b { 0.0 } else { z }, a, b)
     };
@@ -137,7 +137,7 @@ fn film(scene: &Scene, estimator: Estimator, seed: u64, samples: u32) -> Film {
     render::film_with(scene, &settings(estimator, seed), SIDE, samples)
 }
 
-/// Path tracing meets a large lamp by chance often enough.
+/// Path tracing hits a large lamp often enough by chance.
 #[test]
 fn manifold_sampling_has_the_picture_of_path_tracing() {
     for (name, scene) in [
@@ -149,7 +149,7 @@ fn manifold_sampling_has_the_picture_of_path_tracing() {
         let plain = film(&scene, Estimator::default(), 1, 4096);
         let found = film(&scene, Estimator::Manifold { trials: 0 }, 2, 512);
         assert_agree(name, [&found, &plain], 0.0);
-        // More trials than solutions: hardly any is missed, but at the rim of the ball.
+        // With more trials than solutions hardly any solution is missed, except at the rim of the ball.
         let few = film(&scene, Estimator::Manifold { trials: 32 }, 3, 64);
         if name == "glass ball" {
             let ratio = render::mean(&few).0 / render::mean(&plain).0;
@@ -160,7 +160,7 @@ fn manifold_sampling_has_the_picture_of_path_tracing() {
     }
 }
 
-/// Lights without area, which path tracing never meets: light paths find them.
+/// Lights without area, which path tracing never hits but light paths find.
 #[test]
 fn manifold_sampling_has_the_picture_of_light_paths() {
     for (name, scene) in [
@@ -174,7 +174,7 @@ fn manifold_sampling_has_the_picture_of_light_paths() {
     }
 }
 
-/// What light a smooth interface brings has far less noise.
+/// Light by way of a smooth interface has far less noise.
 #[test]
 fn manifold_sampling_has_less_noise() {
     let scene = lamp(flat_water(), 3.0, 0.3);
@@ -188,7 +188,7 @@ fn manifold_sampling_has_less_noise() {
     assert!(found < 0.1 * plain, "{found} {plain}");
 }
 
-/// A scene without smooth surfaces has the very picture of the path tracer.
+/// Without smooth surfaces the picture is bit-identical to that of the path tracer.
 #[test]
 fn manifold_sampling_without_casters_changes_nothing() {
     let scene = render::scene(opsr_lab::gallery::cornell_box());

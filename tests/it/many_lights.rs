@@ -1,4 +1,4 @@
-//! Scenes of many lights: the choice among them is right, and good.
+//! Scenes of many lights: the choice among them is unbiased, and of low variance.
 
 use super::support::assert_likely;
 use super::support::render::{film, film_with, mean, scene};
@@ -59,7 +59,7 @@ fn a_lamp_that_lights_nothing_changes_nothing() {
 
 #[test]
 fn energy_of_a_lamp_near_the_end_of_single_precision() {
-    // Radiance times area times pi is more than single precision holds.
+    // Radiance times area times pi overflows single precision.
     let picture = |radiance: f32| {
         let mut parts = SceneParts::default();
         let floor = quad(Vec3::new(-4.0, 0.0, -4.0), Vec3::Z * 8.0, Vec3::X * 8.0);
@@ -107,7 +107,7 @@ fn a_sun_outside_a_closed_room_changes_nothing() {
     assert!(agreement.passed(), "{agreement}");
 }
 
-/// Lights of every kind around the origin: small and huge, one- and double-sided, coincident, slivers, at infinity.
+/// Lights of every kind around the origin: small and huge, one- and double-sided, coincident, slivers, and at infinity.
 fn zoo() -> SceneParts {
     let mut u = stream(3);
     let mut next = || u.next_1d();
@@ -230,7 +230,7 @@ fn every_light_that_reaches_a_point_has_a_probability() {
             let normal = scene.geometry().triangle_normal(id);
             let material = scene.geometry().triangle_material(id) as usize;
             let cos = [a, b, c].map(|corner| normal.dot(from - corner));
-            // Clear of the rounding of the plane.
+            // Outside the rounding error of the plane.
             let lit = cos.iter().any(|&c| c > 1e-4) || parts.materials[material].double_sided;
             assert!(
                 !lit || lights.pmf(k, from) > 0.0,
@@ -285,7 +285,7 @@ fn densities_of_light_samples_match_those_of_rays() {
                     let Some(hit) = scene.intersect(&Ray::new(from, light.wi)) else {
                         continue;
                     };
-                    // Another light may hide the one that was drawn, a coincident one included.
+                    // Another light may occlude the sampled one, also a coincident one.
                     if hit.triangle.index() as usize != k
                         || light.cos < 1e-2
                         || light.distance < 1e-2
@@ -350,7 +350,7 @@ fn hall(n: u16) -> SceneParts {
 
 #[test]
 fn the_light_tree_is_unbiased() {
-    // A naive tracer needs lights that it can meet.
+    // A naive tracer needs lights that it can hit.
     let mut parts = hall(4);
     for mesh in &mut parts.meshes {
         if parts.materials[mesh.material as usize].name == "lights" {
@@ -388,8 +388,8 @@ fn quad_grid() -> Mesh {
     }))
 }
 
-/// Variance of one light sample of the light that a white floor with this normal reflects at the points: by the
-/// choice of the scene, by power, and by other probabilities of the lights.
+/// Relative variance of one light sample of the light that a white floor with this normal reflects at the points.
+/// Lights are chosen by the light tree, by power, and with other probabilities.
 fn variances(
     scene: &Scene,
     points: &[Vec3],
@@ -418,7 +418,7 @@ fn variances(
             let value = light.radiance.x * light.wi.dot(normal).max(0.0) / light.density.value();
             let (value, pmf) = (f64::from(value), f64::from(pmf));
             mean += value;
-            // A light that is drawn with probability q has the second moment p/q of this.
+            // A light drawn with probability q contributes p/q times this second moment.
             let others = [pmf, lights.emission_pmf(k).into(), other(k)];
             for (sum, q) in squares.iter_mut().zip(others) {
                 *sum += value * value * pmf / q;
@@ -455,7 +455,7 @@ fn variance_of_a_lamp_below_a_dim_sky() {
     for share in [1e-3, 1e-2] {
         let scene = scene(lamp_and_sky(share));
         let sky = scene.lights().emissive_triangles() - 2;
-        // Half of the samples for either mesh, as renderers that choose meshes uniformly.
+        // Half of the samples for each mesh, as in renderers that choose meshes uniformly.
         let by_mesh = |k: usize| if k < sky { 0.5 / sky as f64 } else { 0.25 };
         let mut u = stream(10);
         let points: Vec<Vec3> = (0..32)

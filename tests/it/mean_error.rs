@@ -1,4 +1,4 @@
-//! What films state about the error of their mean.
+//! The error of their mean that films state.
 
 use super::support::render::scene;
 use opsr::image::film::{Film, Window};
@@ -61,7 +61,7 @@ fn over_seeds(scene: &Scene, estimator: Estimator, size: (Place, u32)) -> (DVec3
     (means.sample_variance(), stated, by_pixels)
 }
 
-/// 17 samples fill one batch of 16 twice.
+/// 17 samples, more than one batch of 16.
 #[test]
 fn stated_error_of_the_mean_is_the_true_one() {
     let frame = UVec2::splat(12);
@@ -84,7 +84,7 @@ fn stated_error_of_the_mean_is_the_true_one() {
     }
 }
 
-/// Photons of a large radius count for many pixels of a small part of the frame, which by themselves say a quarter of the error.
+/// A photon of a large radius counts in many pixels of a small window; the pixels alone give a quarter of the error.
 #[test]
 fn stated_error_of_the_mean_knows_photons_that_pixels_share() {
     let scene = scene(builtin("cornell_caustics").expect("a scene"));
@@ -107,7 +107,7 @@ fn stated_error_of_the_mean_knows_photons_that_pixels_share() {
     assert!(pixels < 0.5, "{pixels}: nothing is shared");
 }
 
-/// The sums are exact: crops that are put together have those of the whole.
+/// The sums are exact: merged crops have those of the whole picture.
 #[test]
 fn mean_error_of_crops_is_that_of_the_whole() {
     let scene = scene(cornell_box());

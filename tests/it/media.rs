@@ -1,4 +1,4 @@
-//! Media: closed forms, a tracer of another kind, and agreement of estimators.
+//! Media: closed forms, an analogue tracer, and agreement of estimators.
 
 use super::support::render::{film_with, mean, scene};
 use opsr::bsdf::{Bsdf, Phase};
@@ -17,7 +17,7 @@ use std::f64::consts::PI;
 
 const PATH: Estimator = Estimator::Path { reuse: false };
 
-/// A body with a boundary of this index that is full of a medium.
+/// A body filled with a medium, with a boundary of this index.
 fn filled(ior: f32, medium: Medium) -> Material {
     Material {
         medium: Some(Box::new(medium)),
@@ -63,8 +63,7 @@ fn assert_channels(film: &Film, expected: [f64; 3], what: &str) {
     }
 }
 
-/// Light of a wall through a slab and through air, both of which take away without scattering back: every channel by its own
-/// coefficients.
+/// Light of a wall through a slab and through the medium outside: every channel decays by its own coefficients.
 #[test]
 fn transmittance_of_a_slab_in_a_medium_is_exponential() {
     for (ior, through) in [(1.0, [1.0; 3]), (1.5, [0.0; 3])] {
@@ -77,7 +76,7 @@ fn transmittance_of_a_slab_in_a_medium_is_exponential() {
         parts.add(emitter("wall", Rgb::ONE), [wall]);
         parts.add_camera([0.0, 0.0, 2.0], [0.0, 0.0, 0.0], 0.5);
         let scene = scene(parts);
-        // A path of one vertex at most: what is scattered once finds the wall by light sampling, so that none is counted at first.
+        // At most one vertex: direct light, and light scattered once.
         let settings = deep(PATH, 1, 3);
         let film = film_with(&scene, &settings, 16, 256);
         if through == [1.0; 3] {
@@ -85,7 +84,7 @@ fn transmittance_of_a_slab_in_a_medium_is_exponential() {
             let inside = [0.1f64, 0.5, 2.0].map(|s| (-2.0 * s).exp());
             let least: Vec<f64> = direct.iter().zip(inside).map(|(a, b)| a * b).collect();
             let seen = channels(&film);
-            // Blue alone is not scattered; the others gain what is scattered once.
+            // Blue alone is not scattered; red and green gain light scattered once.
             assert!((seen[2].0 - least[2]).abs() < 5.0 * seen[2].1 + 1e-4 * least[2]);
             assert!(
                 seen[0].0 > least[0] && seen[0].0 < 1.3 * least[0],
@@ -99,7 +98,7 @@ fn transmittance_of_a_slab_in_a_medium_is_exponential() {
     }
 }
 
-/// Bodies of a medium that only scatters, whatever their boundary, are as bright as what is around them.
+/// Bodies of a medium that only scatters, with any boundary, are as bright as their surroundings.
 #[test]
 fn white_furnace_shows_no_medium_that_does_not_absorb() {
     let coloured = |g| medium([0.0; 3], [0.4, 1.5, 6.0], g);
@@ -130,7 +129,7 @@ fn white_furnace_shows_no_medium_that_does_not_absorb() {
     }
 }
 
-/// A body of a medium is the same in one piece, in two that touch, and between boundaries that mean nothing.
+/// A body of a medium is the same in one piece and in pieces that touch at index-matched boundaries.
 #[test]
 fn medium_is_the_same_however_a_body_is_cut() {
     let own = medium([0.1, 0.2, 0.4], [1.0, 2.0, 0.5], 0.6);
@@ -155,7 +154,7 @@ fn medium_is_the_same_however_a_body_is_cut() {
     }
 }
 
-/// Light of a point source that a medium scatters once towards the camera, by quadrature along the ray.
+/// Light of a point source that the medium scatters once towards the camera, by quadrature along the ray.
 #[test]
 fn single_scattering_is_its_integral() {
     for g in [0.0f32, 0.7, -0.4] {
@@ -183,7 +182,7 @@ fn single_scattering_is_its_integral() {
                     let t = (f64::from(i) + 0.5) / f64::from(steps) * far;
                     let to = lamp.as_dvec3() - glam::DVec3::new(0.0, 0.0, -t);
                     let d = to.length();
-                    // Light goes from the lamp to the point and then along +z.
+                    // Light travels from the lamp to the point and then along +z.
                     let cos = -(to / d).z;
                     let phase =
                         (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * cos).powf(1.5));
@@ -199,8 +198,8 @@ fn single_scattering_is_its_integral() {
     }
 }
 
-/// A tracer that knows neither light sampling nor weights, and one colour at a time: photons are absorbed or scattered as they are in
-/// nature. Bodies are those of one fog, outside of everything.
+/// An analogue tracer without light sampling or weights, one channel at a time: photons are absorbed or scattered. A
+/// single fog fills the whole scene.
 struct Analogue<'a> {
     scene: &'a Scene,
     fog: Medium,
@@ -243,7 +242,7 @@ impl Analogue<'_> {
                 }
                 let peak =
                     (1.0 + self.fog.mean_cosine.abs()) / (1.0 - self.fog.mean_cosine.abs()).powi(2);
-                // By rejection.
+                // Rejection sampling.
                 let dir = loop {
                     let z = 2.0 * numbers.next_1d() - 1.0;
                     let turn = std::f32::consts::TAU * numbers.next_1d();
@@ -273,7 +272,7 @@ impl Analogue<'_> {
     }
 }
 
-/// A room in fog, lit by its ceiling, with a ball of metal or glass.
+/// A room in fog, lit by its ceiling, with a ball.
 fn fog_room(fog: Medium, ball: Material) -> Scene {
     let mut parts = SceneParts {
         medium: Some(fog),
@@ -336,7 +335,7 @@ fn fog_box(fog: Option<Medium>, body: Material, lamp: f32) -> Scene {
     scene(parts)
 }
 
-/// Path and bdpt are estimators of one picture, which share neither light paths nor weights.
+/// Path tracing and bdpt estimate one picture; they share neither light paths nor weights.
 #[test]
 fn bdpt_agrees_with_path_in_media() {
     let cases = [
@@ -384,7 +383,7 @@ fn bdpt_agrees_with_path_in_media() {
     }
 }
 
-/// Lights without area in a medium, near and at no distance that matters.
+/// Lights without area in a medium, at distances down to nearly 0.
 #[test]
 fn bdpt_agrees_with_path_on_spots_in_fog() {
     let mut parts = SceneParts {
@@ -410,7 +409,7 @@ fn bdpt_agrees_with_path_on_spots_in_fog() {
     assert!(agreement.passed(), "{agreement}");
 }
 
-/// Factors of 0 change nothing; those above roughen a sharp phase function, and hardly any light is lost by it.
+/// Factors of 0 change nothing; larger ones roughen a sharp phase function and lose hardly any light.
 #[test]
 fn rules_roughen_phase_functions() {
     let cloud = filled(1.0, medium([0.0; 3], [2.0, 1.0, 3.0], 0.9));
@@ -439,12 +438,12 @@ fn rules_roughen_phase_functions() {
     parts.add_camera([0.0, 0.4, 4.0], [0.0, 0.0, 0.0], 34.0);
     let furnace = scene(parts);
     let roughened = with(Rule::constant(0.5), &furnace, 256);
-    // Directions of light at the last vertex have other ways out of the cloud: a bias of some per cent, and no more.
+    // Roughened directions leave the cloud on other paths, a bias of a few per cent.
     let (roughened, error) = mean(&roughened);
     assert!((roughened - 1.0).abs() < 0.03 + 4.0 * error, "{roughened}");
 }
 
-/// All levels are one picture where there is nothing to roughen, and the first is that of plain path tracing.
+/// Without anything to roughen all levels are one picture, and the first is that of plain path tracing.
 #[test]
 fn levels_in_a_medium_begin_with_plain_path_tracing() {
     let cloud = filled(1.0, medium([0.0, 0.1, 0.2], [2.0, 1.0, 3.0], 0.8));
@@ -469,7 +468,7 @@ fn levels_in_a_medium_begin_with_plain_path_tracing() {
     assert_eq!(picture.film.rejected.total(), 0);
 }
 
-/// Levels that roughen a phase function to 1 have the light of one level that does.
+/// Levels that roughen a phase function to isotropic have the light of a single level that does.
 #[test]
 fn levels_of_isotropic_phase_functions_lose_nothing() {
     let mut parts = SceneParts {
@@ -508,7 +507,7 @@ fn levels_of_isotropic_phase_functions_lose_nothing() {
     );
 }
 
-/// A surface that should hold a medium and does not is named; a closed one is not, nor one that walls close.
+/// An open surface around a medium gives a warning; a closed one gives none, nor one that walls close.
 #[test]
 fn open_boundary_of_a_medium_is_named() {
     let warnings = |closed: bool, walls: bool| {
@@ -552,7 +551,7 @@ fn determinism_of_media_over_threads() {
     }
 }
 
-/// Estimators that know no media say so; without scattering all but manifold sampling know them.
+/// Estimators without scattering media return an error; all but manifold sampling accept media that only absorb.
 #[test]
 fn estimators_without_media_refuse_them() {
     let ball = || metal("metal", Rgb::splat(0.8), 0.15);
@@ -577,7 +576,7 @@ fn estimators_without_media_refuse_them() {
             assert_eq!(checked.is_ok(), knows, "{estimator:?}");
         }
     }
-    // In smoke all find the same light.
+    // In a medium that only absorbs all find the same light.
     let path = film_with(&smoke, &deep(PATH, 8, 1), 16, 200);
     for estimator in [
         Estimator::Vcm(radius),
@@ -592,7 +591,7 @@ fn estimators_without_media_refuse_them() {
     }
 }
 
-/// The phase function has no cosine, and draws in proportion to it.
+/// Value and pdf of the phase function are equal, without a cosine.
 #[test]
 fn phase_energy_conservation() {
     let phase = Bsdf::Phase(Phase { mean_cosine: 0.7 });
@@ -600,8 +599,8 @@ fn phase_energy_conservation() {
     assert_eq!(eval.value.x, eval.pdf_w);
 }
 
-/// The draft KHR_materials_volume_scatter: attenuation is extinction, and its share that is scattered follows from the colour of light
-/// that was scattered many times.
+/// The draft KHR_materials_volume_scatter: attenuation is extinction, and the albedo follows from the colour of
+/// multiply scattered light.
 #[test]
 fn gltf_bodies_scatter() {
     let load = |scatter: &str| {
@@ -624,7 +623,7 @@ fn gltf_bodies_scatter() {
         let sum = own.absorption[c] + own.scattering[c];
         assert!((sum - extinction).abs() < 1e-5 * sum.max(1.0));
     }
-    // White scatters all; half is that of s = 0.3 or so.
+    // White has albedo 1; a colour of one half has the albedo of s, about 0.3.
     assert!(own.absorption.x < 1e-3, "{own:?}");
     let s = 4.09712f32 + 4.20863 * 0.5 - (9.59217f32 + 41.6808 * 0.5 + 17.7126 * 0.25).sqrt();
     let albedo = (1.0 - s * s) / (1.0 - 0.4 * s * s);

@@ -1,4 +1,4 @@
-//! Metrics against plain formulas, and FLIP against its authors' program.
+//! Metrics against plain formulas, and FLIP against the program of its authors.
 
 mod small;
 
@@ -103,7 +103,7 @@ fn hdr_pair(name: &str) -> (Buffer, Buffer) {
     }
 }
 
-/// Largest differences of mean and map from the expected ones.
+/// Largest differences of the mean and of the map from the expected values.
 fn distance(map: &flip::FlipMap, expected: &Value) -> (f64, f64) {
     let mean = (map.mean - expected["mean"].as_f64().unwrap()).abs();
     let expected: Vec<f64> = expected["map"]
@@ -186,7 +186,7 @@ fn flip_limits() {
     ));
     let (same, _) = flip::hdr(&lit, &lit, 67.0).unwrap();
     assert_eq!(same.mean, 0.0);
-    // Light far above what squares in single precision hold.
+    // Values whose squares overflow single precision.
     let (map, _) = flip::hdr(&Buffer::filled(5, 3, Rgb::splat(1e38)), &lit, 67.0).unwrap();
     assert!(map.values.iter().all(|v| v.is_finite()) && map.mean > 0.0);
 }

@@ -1,4 +1,4 @@
-//! The mollifier: light that no path can find becomes visible, and nothing else changes.
+//! The mollifier: light that no sampling technique can find becomes visible, and nothing else changes.
 
 use super::support::render::{film_with, mean, scene};
 use super::support::scenes::point_light_over_plane;
@@ -61,7 +61,7 @@ fn mollifier_leaves_findable_light_bit_identical() {
     }
 }
 
-/// The image that water makes of thousands of point lights has the energy of that of small balls, which path tracing finds.
+/// The image of thousands of point lights through water has the energy of small balls that path tracing finds.
 #[test]
 fn mollifier_shows_a_panel_of_lights_over_water() {
     let of = |name: &str| scene(builtin(name).expect("a scene"));
@@ -75,6 +75,6 @@ fn mollifier_shows_a_panel_of_lights_over_water() {
     let ratio = mollified / reference;
     let uncertainty = (noise / mollified).hypot(error / reference);
     assert!(uncertainty < 0.03, "too noisy: {noise}, {error}");
-    // So wide a kernel is less noisy, and its bias is some hundredths.
+    // A wide kernel has little noise, and a bias of some hundredths.
     assert!((ratio - 1.0).abs() < 0.15, "{ratio} ± {uncertainty}");
 }

@@ -30,7 +30,7 @@ fn deep(estimator: Estimator) -> Settings {
 
 const PATH: Estimator = Estimator::Path { reuse: false };
 
-/// Lamp, floor and brushed ball inside a block of tinted glass, seen from inside of it, with further bodies in it.
+/// Lamp, floor and brushed ball inside a block of tinted glass, with further bodies in it and the camera inside.
 fn block(bodies: impl IntoIterator<Item = (Material, Vec3, f32)>) -> SceneParts {
     let mut parts = SceneParts::default();
     for (material, centre, radius) in bodies {
@@ -49,7 +49,7 @@ fn block(bodies: impl IntoIterator<Item = (Material, Vec3, f32)>) -> SceneParts 
     parts
 }
 
-/// A ball of the index around it at the middle wavelength alone.
+/// A ball whose index is that of its surroundings at the middle wavelength alone.
 #[test]
 fn dispersive_body_in_a_body_of_its_index_is_seen() {
     let picture = |dispersion| {
@@ -85,7 +85,7 @@ fn body_of_the_index_around_it_is_invisible() {
     ];
     let centre = Vec3::new(-0.2, 0.1, 0.0);
     let same = tinted_glass("same", 1.5, 0.0, Rgb::splat(0.1));
-    // Of another index, but the block is what counts inside of it.
+    // A body of another index and a lower priority than the block, whose index holds inside.
     let outranked = Material {
         priority: -1.0,
         ..glass("outranked", 1.2, 0.3)
@@ -98,7 +98,7 @@ fn body_of_the_index_around_it_is_invisible() {
                 (body.clone(), centre, 0.6),
                 (body.clone(), centre + Vec3::splat(0.3), 0.5),
             ]));
-            // Light is aimed at bodies, by other paths: the pictures agree, and have other noise.
+            // Bidirectional estimators aim light at bodies: the pictures agree within noise, but have other samples.
             if !matches!(settings.estimator, Estimator::Path { .. }) {
                 let agreement = agree(&with, &alone).expect("one size");
                 assert!(
@@ -110,7 +110,7 @@ fn body_of_the_index_around_it_is_invisible() {
             }
             let (a, b) = (alone.mean(), with.mean());
             let pairs = a.pixels.iter().zip(&b.pixels);
-            // Rays in parts are rounded otherwise: now and then a path takes another turn.
+            // Rays in segments round differently: now and then a path takes another turn.
             let differing = pairs.filter(|(a, b)| (**a - **b).length() > 1e-3 * a.length());
             let share = differing.count() as f64 / a.pixels.len() as f64;
             assert!(share < 0.05, "{} {settings:?}: {share}", body.name);
@@ -119,14 +119,14 @@ fn body_of_the_index_around_it_is_invisible() {
     }
 }
 
-/// A layer between parallel faces: what a single one reflects, or what it lets pass.
+/// A layer between parallel faces: an interface between two indices, or a slab with absorption and length.
 #[derive(Clone, Copy)]
 enum Layer {
     Face(f64, f64),
     Slab(f64, f64),
 }
 
-/// Transmittance of a stack at normal incidence, and its reflectance from behind; light adds up without interference.
+/// Transmittance of a stack at normal incidence, and its reflectance from behind; intensities add without interference.
 fn stack(layers: &[Layer]) -> (f64, f64) {
     layers
         .iter()
@@ -174,7 +174,7 @@ fn liquid_in_glass(priorities: [f32; 2], lamp_above: bool) -> SceneParts {
 #[test]
 fn analytic_transmittance_of_liquid_in_glass() {
     let ((glass, a), (liquid, b)) = (GLASS, LIQUID);
-    // Where the two overlap there is the body of the higher priority; without priorities the smaller one.
+    // The overlap belongs to the body of the higher priority; without priorities to the smaller one.
     for (priorities, ends) in [([2.0, 1.0], 0.0), ([1.0, 2.0], 0.1), ([0.0, -1.0], 0.0)] {
         let (expected, _) = stack(&[
             Layer::Face(1.0, glass),
@@ -200,7 +200,7 @@ fn analytic_transmittance_of_liquid_in_glass() {
     }
 }
 
-/// Liquid and glass that end in the same plane, their corners the same; the pose and the triangles' diagonals vary.
+/// Liquid and glass that end in the same plane with the same corners; pose and diagonals of the triangles vary.
 #[test]
 fn analytic_transmittance_of_touching_bodies() {
     let ((glass, a), (liquid, b)) = (GLASS, LIQUID);
@@ -236,7 +236,7 @@ fn analytic_transmittance_of_touching_bodies() {
                     false => quad(Vec3::new(-5.0, -5.0, -4.0), Vec3::X * 10.0, Vec3::Y * 10.0),
                 };
                 parts.add(emitter("lamp", Rgb::ONE), [turned(lamp)]);
-                // Off the diagonals.
+                // Off the diagonals of the quads.
                 let from = there * Vec3::new(0.3, 0.1, camera);
                 let to = there * Vec3::new(0.3, 0.1, 0.0);
                 parts.add_camera(from.to_array(), to.to_array(), 0.5);
@@ -316,7 +316,7 @@ fn path_and_bidirectional_agree_on_ice_in_a_drink() {
     parts.add(wall, [at(0.5, 0.1, 1.0), at(0.42, 0.2, 0.95).inverted()]);
     let drink = tinted_glass("drink", 1.33, 0.0, Rgb::new(0.2, 1.0, 2.0));
     parts.add(drink, [at(0.45, 0.15, 0.7)]);
-    // Half of it above the drink.
+    // Half of the ice is above the drink.
     let ice = glass("ice", 1.31, 0.1);
     parts.add(ice, [sphere(Vec3::new(0.0, 0.7, 0.0), 0.2, 2)]);
     parts.add_camera([0.0, 1.3, 0.95], [0.0, 0.5, 0.0], 60.0);
@@ -365,7 +365,7 @@ fn overlaps_are_found_and_only_they() {
         );
         scene(parts).features().overlaps
     };
-    // Inside of a hollow ball, in its wall, reaching out of it; around it.
+    // In the hollow of a ball, in its wall, crossing its outside; around it.
     assert!(!apart(0.5, 0.0));
     assert!(apart(0.5, 1.0));
     for overlapping in [0.9, 1.2] {

@@ -1,5 +1,5 @@
-//! Every option of a render, alone and in pairs: refused with a reason, or pixels and metadata change together, or declared to
-//! leave the pixels alone.
+//! Every option of a render, alone and in pairs: it is refused with a reason, changes pixels and metadata together, or
+//! is declared to keep the pixels.
 
 use crate::cli::Place;
 use crate::support::gltf::File;
@@ -19,14 +19,14 @@ use std::rc::Rc;
 /// Chosen options by name, as text.
 type Choices = BTreeMap<&'static str, &'static str>;
 
-/// An option, a value, and other options with theirs.
+/// An option, a value, and the values of options that it needs.
 type Sample = (
     &'static str,
     &'static str,
     &'static [(&'static str, &'static str)],
 );
 
-/// A value for every option that is not its default, and options without which it is refused or does nothing.
+/// For every option a value that is not its default, and options without which it is refused or has no effect.
 #[rustfmt::skip]
 const SAMPLES: &[Sample] = &[
     ("env", "sky", &[]),
@@ -71,7 +71,7 @@ const SAMPLES: &[Sample] = &[
     ("exr", "piz,half", &[]),
 ];
 
-/// Options that may be taken and change nothing in this scene, and the reason.
+/// Options that may be accepted without effect in this scene, and the reason.
 const MAY_DO_NOTHING: &[(&str, &str)] = &[
     (
         "unsupported",
@@ -80,17 +80,17 @@ const MAY_DO_NOTHING: &[(&str, &str)] = &[
     ("denoise", "the library may not be there"),
 ];
 
-/// Options that may change nothing alone: pixels this coarse are shown without a blur.
+/// Options that may have no effect alone: pixels this coarse are shown without a blur.
 const MAY_DO_NOTHING_ALONE: &[&str] = &["resolve"];
 
-/// Pairs of which the first may do nothing beside the second.
+/// Pairs of options whose first may have no effect beside the second.
 const MAY_DO_NOTHING_BESIDE: &[(&str, &str)] = &[
-    // The strategy has paths of one length.
+    // A strategy fixes the length of its paths.
     ("max_vertices", "strategy"),
     // The picture is that of level 0.
     ("levels", "resolve"),
     ("table", "resolve"),
-    // So few samples end before the guide has learned, and they alone show the picture.
+    // So few samples end while the guide still learns, and the picture has no others.
     ("table", "unbiased"),
     ("table_scale", "unbiased"),
     ("lookup", "unbiased"),
@@ -165,10 +165,10 @@ fn scene() -> Vec<u8> {
     file.glb()
 }
 
-/// What comes of choices: pixels and metadata, or the reason of a refusal.
+/// Outcome of a render with chosen options: pixels and metadata, or the reason of a refusal.
 type Outcome = Result<(Vec<u32>, Metadata), String>;
 
-/// Renders of the scene, each made once.
+/// Renders of the scene, cached by their options.
 struct Renders {
     place: Place,
     scenes: HashMap<String, Result<Rc<Opened>, String>>,
@@ -207,7 +207,7 @@ impl Renders {
 
     fn render(&mut self, choices: &Choices) -> Outcome {
         let spec = spec(choices)?;
-        // Refusals of the scene's options are those of the whole.
+        // An invalid scene option refuses the whole render.
         let opened = self.opened(&spec)?;
         let subject = Subject {
             scene: &opened.scene,
@@ -242,13 +242,13 @@ fn spec(choices: &Choices) -> Result<Spec, String> {
     Ok(spec)
 }
 
-/// The sample of an option with what it needs.
+/// The sample value of an option, and the options that it needs.
 fn sample(name: &'static str) -> (&'static str, Choices) {
     let (_, value, beside) = SAMPLES.iter().find(|(n, ..)| *n == name).expect("a sample");
     (value, beside.iter().copied().collect())
 }
 
-/// The fault of choices with an option, beside the same without it; `None` where all is right.
+/// Compares renders with and without an option; returns the fault, or `None`.
 fn judged(option: &Opt, with: &Outcome, without: &Outcome, may: bool) -> Option<String> {
     let (pixels, metadata) = match with {
         Err(reason) if reason.len() < 10 => {
@@ -258,7 +258,7 @@ fn judged(option: &Opt, with: &Outcome, without: &Outcome, may: bool) -> Option<
         Ok(made) => made,
     };
     let Ok((before, earlier)) = without else {
-        // It made a render of what was refused; the other option of the pair is judged.
+        // The option makes a refused render valid; the other option of the pair is judged instead.
         return None;
     };
     let moved = pixels != before;
@@ -291,7 +291,7 @@ fn options_have_samples() {
     assert!(declared.is_empty(), "no sample of {declared:?}");
 }
 
-/// Alone, and beside what it needs; then it must be taken.
+/// Alone, and beside the options that it needs; then it must be accepted.
 #[test]
 fn options_alone_change_pixels_and_metadata_together() {
     let mut renders = Renders::new();
@@ -335,7 +335,7 @@ fn options_in_pairs_change_pixels_and_metadata_together() {
             for (option, value) in [(a, value_a), (b, value_b)] {
                 let mut without = both.clone();
                 without.remove(option.name);
-                // One that the other needs stays with the value that it needs.
+                // An option that the other needs keeps the value that the other needs.
                 if let Some(needed) = beside.get(option.name).filter(|needed| **needed != value) {
                     without.insert(option.name, needed);
                 }
@@ -350,7 +350,7 @@ fn options_in_pairs_change_pixels_and_metadata_together() {
     assert!(wrong.is_empty(), "{} faults: {wrong:#?}", wrong.len());
 }
 
-/// The command line takes what the library takes, and says the same about it.
+/// The command line accepts the options of the library and gives the same messages.
 #[test]
 fn options_of_the_command_line_are_those_of_the_library() {
     let mut renders = Renders::new();
@@ -385,7 +385,7 @@ fn options_of_the_command_line_are_those_of_the_library() {
             continue;
         }
         let mut file = exr::read_layers(&renders.place.path().join("out.exr")).expect("a picture");
-        // Results, not choices.
+        // Results, not options.
         file.metadata.remove("mean_error");
         file.metadata.remove("mean_relative_error");
         if file.metadata != *metadata {
@@ -393,7 +393,7 @@ fn options_of_the_command_line_are_those_of_the_library() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
-    // A refusal names options as the command line does.
+    // Errors name options by their flags.
     let ended = renders.place.opsr("render scene.glb --set table_scale=2");
     assert_eq!(ended.code, Some(2), "{}", ended.err);
     assert!(
@@ -403,7 +403,7 @@ fn options_of_the_command_line_are_those_of_the_library() {
     );
 }
 
-/// Help of `-h` is a few words an option, all on one screen.
+/// The help of `-h` is a few words per option and fits one screen.
 #[test]
 fn options_that_most_renders_use_have_short_help() {
     let long = |option: &&Opt| option.short_help().split_whitespace().count() > 10;
@@ -421,7 +421,7 @@ fn options_that_most_renders_use_have_short_help() {
     assert!(whole.len() > 3 * short.len());
 }
 
-/// An option as the command line has it.
+/// An option and its value on the command line.
 fn word(name: &str, value: &str) -> String {
     Opt::named(name).expect("an option").words(value)
 }
@@ -462,7 +462,7 @@ fn options_of_a_suite_are_those_of_the_library() {
     }
 }
 
-/// A line of TOML: numbers and switches are bare.
+/// A line of TOML: numbers and booleans have no quotes.
 fn line(name: &str, value: &str) -> String {
     let bare = value.parse::<f64>().is_ok() || value == "true";
     match bare {
@@ -471,7 +471,7 @@ fn line(name: &str, value: &str) -> String {
     }
 }
 
-/// Python's stub lists the keywords that the library declares.
+/// Python's stub lists the keywords of the library.
 #[test]
 fn options_of_the_python_stub_are_those_of_the_library() {
     let stub = root().join("python/opsr/__init__.pyi");
@@ -510,7 +510,7 @@ fn options_of_the_python_stub_are_those_of_the_library() {
     }
 }
 
-/// Messages name options as their reader gives them.
+/// Messages name options by flag or by key, as requested.
 #[test]
 fn options_are_named_as_their_reader_names_them() {
     let mut spec = Spec::default();
@@ -523,7 +523,7 @@ fn options_are_named_as_their_reader_names_them() {
     assert_eq!(fault.message(Names::Keys), "consistent: needs table");
 }
 
-/// Blender's list of integrators has those that the library declares.
+/// Blender's list of integrators is that of the library.
 #[test]
 fn options_of_blender_name_every_integrator() {
     let settings = root().join("python/blender/opsr_blender/settings.py");

@@ -1,4 +1,4 @@
-//! Scenes lit by their own surfaces: the table of issue cases, and the camera of files that have none.
+//! Scenes lit by their own surfaces: a table of scenes, and the camera of files without one.
 
 use crate::support::gltf::File;
 use crate::support::render::{film, mean, scene};
@@ -15,7 +15,7 @@ use opsr_lab::gallery::glb::to_glb;
 use opsr_lab::gallery::shapes;
 use serde_json::json;
 
-/// A light for a scene of one lamp.
+/// A grey material that emits.
 fn lamp(radiance: f32) -> Material {
     Material {
         emission: Rgb::splat(radiance),
@@ -23,7 +23,7 @@ fn lamp(radiance: f32) -> Material {
     }
 }
 
-/// A horizontal square that faces down, at a height.
+/// A horizontal square at a height, facing down.
 fn square(size: f32, height: f32) -> Mesh {
     let (half, low) = (0.5 * size, Vec3::Y * height);
     shapes::quad(
@@ -46,14 +46,14 @@ fn ground(size: f32) -> SceneParts {
     parts
 }
 
-/// The ground with meshes of one more material.
+/// The ground, and meshes of one more material.
 fn with(size: f32, material: Material, meshes: impl IntoIterator<Item = Mesh>) -> SceneParts {
     let mut parts = ground(size);
     parts.add(material, meshes);
     parts
 }
 
-/// A room of 4 m with a camera inside, closed or without its front wall, and a lamp under the ceiling.
+/// A room of 4 m × 4 m with a lamp under the ceiling, closed or without its front wall, with or without a camera.
 fn room(closed: bool, radiance: f32, inside: bool) -> SceneParts {
     let mut parts = SceneParts::default();
     let walls = shapes::room(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 3.0, 2.0));
@@ -66,7 +66,7 @@ fn room(closed: bool, radiance: f32, inside: bool) -> SceneParts {
     parts
 }
 
-/// A file of scene parts, whose `textured` material emits an image of white and black squares.
+/// A file of scene parts; the material `textured` emits a checkerboard image.
 fn file(parts: &SceneParts, textured: Option<usize>) -> File {
     let mut file = File::from_glb(&to_glb(parts).expect("a scene"));
     if let Some(material) = textured {
@@ -92,7 +92,7 @@ fn open(file: &File, words: &[(&str, &str)]) -> Opened {
         .expect("a scene")
 }
 
-/// Texture coordinates of a quad.
+/// A quad with texture coordinates.
 fn mapped(mesh: Mesh) -> Mesh {
     let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(Vec2::from);
     Mesh {
@@ -101,8 +101,8 @@ fn mapped(mesh: Mesh) -> Mesh {
     }
 }
 
-/// A light that someone put there is the scene's light; what glows a little is decoration. Before, cases marked with * had the
-/// studio on top of their lamp, or none beside their decoration.
+/// Lamps light a scene; faint emission is decoration, and the studio lights the scene. Earlier versions decided the
+/// cases marked * wrongly.
 #[test]
 fn lamps_light_and_decoration_does_not() {
     let black = |radiance: f32| Material {
@@ -138,7 +138,7 @@ fn lamps_light_and_decoration_does_not() {
     };
     let large = |m: Material| with(10.0, m, [mapped(square(1.0, 2.5))]);
     let grey = || materials::diffuse("grey", Rgb::splat(0.5));
-    // All that the camera sees emits.
+    // Every surface in view emits.
     let alone = |emission: f32, albedo: f32| {
         let mut parts = SceneParts::default();
         let material = Material {
@@ -276,7 +276,7 @@ fn lamps_light_and_decoration_does_not() {
     }
 }
 
-/// Automatic exposure brightens no picture of the studio, whichever way it was chosen, and what has no surface is named.
+/// Automatic exposure leaves pictures of the studio unchanged, chosen or by default, and empty scenes give a warning.
 #[test]
 fn studio_is_not_brightened_and_empty_scenes_are_named() {
     let dark = opsr::image::Buffer::filled(8, 8, Rgb::splat(0.01));
@@ -305,7 +305,7 @@ fn studio_is_not_brightened_and_empty_scenes_are_named() {
     assert!(!full.warnings.iter().any(|w| w.contains(words)));
 }
 
-/// The decision is a property of the scene: no camera of a studio, and the same on every run.
+/// The decision is a property of the scene, and the same in every run.
 #[test]
 fn lighting_is_the_same_every_time() {
     let parts = with(10.0, lamp(50.0), [square(0.1, 2.5)]);
@@ -322,7 +322,7 @@ fn lighting_is_the_same_every_time() {
     );
 }
 
-/// Surroundings that are lost beside a scene's own lamps are named with the factor that shows them.
+/// An environment too faint beside the lamps gives a warning with the factor that makes it visible.
 #[test]
 fn faint_surroundings_are_named() {
     let sun = |irradiance: f32| {
@@ -341,7 +341,7 @@ fn faint_surroundings_are_named() {
     assert!(sun(3.0).is_empty());
 }
 
-/// Share of the rows and columns that some points take in a picture as wide as high, and if all of them are in it.
+/// Width and height of the bounds of projected points in a square picture, and true if all points are in it.
 fn filled(camera: &Camera, points: impl Iterator<Item = Vec3>) -> (Vec2, bool) {
     let (mut low, mut high) = (Vec2::splat(f32::INFINITY), Vec2::splat(f32::NEG_INFINITY));
     for p in points {
@@ -380,10 +380,10 @@ fn framing_fills_the_picture_with_the_subject() {
         let (size, inside) = filled(&camera, ball.positions.iter().copied());
         assert!(inside && size.min_element() > 0.9, "{name}: {size}");
     }
-    // A floor that belongs to what stands on it is in the picture.
+    // A floor of the size of its objects is in the picture.
     let camera = of(vec![floor(6.0)]);
     assert!(filled(&camera, floor(6.0).positions.into_iter()).1);
-    // Copies at other places are framed as their vertices are.
+    // Shared copies are framed by their transformed vertices.
     let mut parts = SceneParts::default();
     parts.add_material(grey());
     parts.shared.push(opsr::scene::SharedMesh {
@@ -418,7 +418,7 @@ fn framing_looks_into_an_open_room() {
     assert!(into(0.0, true).1.contains("three-quarter"));
 }
 
-/// The floor of the studio lies below the lowest point, where a picture has no ground of its own, and is in no frame.
+/// The floor of the studio lies below the lowest point of scenes without a floor, and does not count for the framing.
 #[test]
 fn objects_stand_on_the_floor_of_the_studio() {
     let block = || shapes::cuboid(Vec3::new(1.0, 2.0, -1.0), Vec3::new(2.0, 5.0, 1.0));
@@ -449,17 +449,17 @@ fn objects_stand_on_the_floor_of_the_studio() {
     assert!(named.scene.parts().has_floor);
     let own = shapes::quad(Vec3::new(-30.0, 2.0, -30.0), Vec3::Z * 60.0, Vec3::X * 60.0);
     assert!(!open(&of(Some(own)), &[]).scene.parts().has_floor);
-    // A lamp that is decoration: the tree is built again, with the floor.
+    // With a lamp that is decoration the acceleration structure is built again, with the floor.
     let glow = with(2.0, lamp(0.05), [square(0.1, 0.2)]);
     let opened = open(&file(&glow, None), &[]);
     assert!(opened.in_studio && opened.scene.parts().has_floor);
     assert!(opened.scene.parts().environment.is_some());
 }
 
-/// A floor without objects is as bright as what is beside it; below and behind an object it is darker, more so the closer.
+/// A floor without objects is as bright as its backdrop; near and behind an object it is darker, most at the object.
 #[test]
 fn floor_of_the_studio_has_a_shadow_and_no_rim() {
-    // Away from the key light, which stands in the front left.
+    // Away from the key light, which stands front left.
     let along = Vec3::new(0.67, 0.0, -0.74);
     let at = |distance: f32, floor: bool| {
         let mut parts = SceneParts::default();
@@ -476,7 +476,7 @@ fn floor_of_the_studio_has_a_shadow_and_no_rim() {
     let backdrop = at(0.8, false);
     let [close, near, rim, beyond] = [0.8, 1.5, 5.1, 5.3].map(|d| at(d, true) / backdrop);
     assert!((beyond - 1.0).abs() < 1e-6, "{beyond}");
-    // Of the floor, not of the wall behind it, which has no noise.
+    // A tiny difference shows a pixel of the floor: the backdrop has no noise.
     let apart = (rim - 1.0).abs();
     assert!(apart > 1e-7 && apart < 0.005, "{rim}");
     assert!(close < near - 0.1 && near < 0.95, "{close} {near}");

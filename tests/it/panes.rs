@@ -1,4 +1,4 @@
-//! Smooth thin walls: light samples pass them straight, and paths that pass them are weighed against that.
+//! Smooth thin walls: shadow rays pass them straight, with MIS against paths through them.
 
 use super::support::render::{film_with, mean, scene};
 use opsr::image::Film;
@@ -23,13 +23,13 @@ fn pane(alpha: f32) -> Material {
     }
 }
 
-/// A horizontal square of this half width at a height, front upward.
+/// A horizontal square of a half width at a height, front upward.
 fn square(height: f32, half: f32) -> Mesh {
     let corner = Vec3::new(-half, height, -half);
     quad(corner, Vec3::Z * 2.0 * half, Vec3::X * 2.0 * half)
 }
 
-/// A closed room with a lit panel below its ceiling, or a hole there and a sky.
+/// A closed room with an emissive panel below its ceiling, or open to a sky.
 fn lit_room(sky: bool, content: impl FnOnce(&mut SceneParts)) -> Scene {
     let mut parts = SceneParts::default();
     let [left, right, floor, ceiling, back, front] =
@@ -52,7 +52,7 @@ fn lit_room(sky: bool, content: impl FnOnce(&mut SceneParts)) -> Scene {
     scene(parts)
 }
 
-/// A texture of four texels; the transmission is that of the first channel.
+/// A texture of four texels; the first channel scales the transmission.
 fn textured() -> impl FnOnce(&mut SceneParts) {
     |parts| {
         let texels = [
@@ -84,7 +84,7 @@ fn textured() -> impl FnOnce(&mut SceneParts) {
     }
 }
 
-/// Rooms with panes, and with what is none.
+/// Rooms with panes, and one with a glass body.
 fn rooms() -> Vec<(&'static str, Scene)> {
     let panes = |heights: &'static [f32], alpha: f32| {
         move |parts: &mut SceneParts| {
@@ -184,7 +184,7 @@ fn naive_tracer_agrees_on_panes_with_bidirectional_estimators() {
     assert_agree(&[mlt], |name| name == "two panes" || name == "half a pane");
 }
 
-/// A floor under a pane under the sun, or a point light far above.
+/// A floor under panes and a light.
 fn under_pane(light: PunctualLight, panes: u32) -> Scene {
     let mut parts = SceneParts::default();
     parts.add(diffuse("floor", Rgb::splat(0.5)), [square(0.0, 4.0)]);
@@ -195,7 +195,7 @@ fn under_pane(light: PunctualLight, panes: u32) -> Scene {
     scene(parts)
 }
 
-/// What panes let through at normal incidence: (1 − 0.04) of their tint, each.
+/// Panes transmit (1 − 0.04) of their tint each, at normal incidence.
 #[test]
 fn analytic_transmittance_of_panes_before_lights_without_area() {
     let sun = PunctualLight::Directional {
@@ -217,7 +217,7 @@ fn analytic_transmittance_of_panes_before_lights_without_area() {
             (Estimator::Vcm(small()), 4, 1e-3),
         ];
         for (estimator, spp, tolerance) in all {
-            // No path that returns from a pane to the floor.
+            // Too short for paths that return from a pane to the floor.
             let settings = |max_vertices| Settings {
                 estimator,
                 max_vertices,
@@ -231,7 +231,7 @@ fn analytic_transmittance_of_panes_before_lights_without_area() {
             let lit = found(1 + panes);
             let off = ((lit - expected) / expected).abs().max_element();
             assert!(off < tolerance, "{panes}, {estimator:?}: {lit} {expected}");
-            // One vertex less than the panes and the floor.
+            // One vertex fewer than panes and floor.
             if panes > 0 {
                 assert_eq!(found(panes), Rgb::ZERO, "{panes}, {estimator:?}");
             }
@@ -239,7 +239,7 @@ fn analytic_transmittance_of_panes_before_lights_without_area() {
     }
 }
 
-/// Roughening at a pane counts nothing twice: the room has the light of plain path tracing.
+/// Roughening at a pane counts no light twice: the room is as bright as in plain path tracing.
 #[test]
 fn energy_conservation_of_roughened_panes() {
     for (name, scene) in rooms()

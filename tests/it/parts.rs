@@ -1,4 +1,4 @@
-//! Renders in parts: any split, merged in any order, is the single render bit by bit.
+//! Renders in parts: any split, merged in any order, is bit-identical to the single render.
 
 use crate::fuzz::mutate::Rng;
 use crate::support::quick_folder;
@@ -14,13 +14,13 @@ use opsr_lab::gallery::caustic_box;
 use std::ops::{ControlFlow, Range};
 use std::path::PathBuf;
 
-/// A box of pixels and samples.
+/// A range of pixels and of samples.
 type Piece = (Window, Range<u32>);
 
 const FRAME: UVec2 = UVec2::new(24, 20);
 const SPP: u32 = 11;
 
-/// A crop of the frame, as the whole of all parts.
+/// A crop of the frame that the parts make up.
 fn window() -> Window {
     Window {
         x: 3,
@@ -68,7 +68,7 @@ fn fingerprint() -> Fingerprint {
     }
 }
 
-/// Compares the single render with ten random splits of it.
+/// Compares a single render with ten random splits of it.
 fn check(
     name: &str,
     integrator: &dyn Fn() -> Box<dyn Integrator>,
@@ -113,7 +113,7 @@ fn parts_of_any_split_merge_to_the_single_render() {
     let mut drawn = Rng::new("modes", 0);
     for (i, mode) in MODES.iter().enumerate() {
         let settings = mode.settings(Uniform(&mut || drawn.below(1 << 16) as f32 / 65536.0));
-        // A guide learns from all samples before: it has no parts.
+        // A guide learns from all earlier samples: it has no parts.
         if matches!(settings.estimator, Estimator::Guided { .. }) {
             continue;
         }
@@ -131,7 +131,7 @@ fn parts_of_any_split_merge_to_the_single_render() {
     }
 }
 
-/// Values that are not finite now and then, at all levels or at one.
+/// Returns non-finite values at some pixels, at all levels or at one.
 struct Faulty;
 
 impl Integrator for Faulty {
@@ -266,7 +266,7 @@ fn parts_that_are_missing_or_there_twice_are_named() {
             .contains("leave the 14x20 pixels at (10, 0)"),
         "{crop}"
     );
-    // A part that was stopped leaves no file.
+    // A stopped part writes no file.
     let path = folder.path().join("stopped");
     for samples in [0..9, 3..9] {
         let part = Part::new(

@@ -1,4 +1,4 @@
-//! Phase functions: densities and samples against the distribution function.
+//! Phase functions: densities and samples against the cumulative distribution.
 
 use opsr::bsdf::{Bsdf, Phase};
 use opsr::math::{Frame, UVec2, Vec3};
@@ -13,7 +13,7 @@ fn bsdf(mean_cosine: f32) -> Bsdf {
     Bsdf::Phase(Phase { mean_cosine })
 }
 
-/// Share of directions whose cosine with the way of the light is below `cos`, in double precision.
+/// Cumulative distribution of the cosine between the directions of light, in double precision.
 fn below(g: f64, cos: f64) -> f64 {
     if g.abs() < 1e-6 {
         return 0.5 * (1.0 + cos);
@@ -26,7 +26,7 @@ fn below(g: f64, cos: f64) -> f64 {
 fn phase_chi_square() {
     const CELLS: usize = 200;
     for (i, g) in COSINES.into_iter().enumerate() {
-        // At its own roughness and at a greater one.
+        // At its own alpha and at a larger one.
         for alpha in [1.0 - g.abs(), (1.5 * (1.0 - g.abs())).min(1.0)] {
             let at = f64::from((1.0 - alpha) * g.signum());
             let source = Independent {
@@ -53,7 +53,7 @@ fn phase_chi_square() {
     }
 }
 
-/// The density integrates to 1, its mean cosine is g, and it is the derivative of the distribution function.
+/// The density integrates to 1, has mean cosine g, and is the derivative of the cumulative distribution.
 #[test]
 fn phase_normalisation_and_mean_cosine() {
     for g in COSINES {
@@ -63,7 +63,7 @@ fn phase_normalisation_and_mean_cosine() {
         let n = 4000;
         let (mut sum, mut mean) = (0.0, 0.0);
         for i in 0..n {
-            // Even in rank, so that peaks are resolved.
+            // Quantiles at even steps resolve peaks.
             let rank = (f64::from(i) + 0.5) / f64::from(n);
             let (mut low, mut high) = (-1.0f64, 1.0f64);
             for _ in 0..60 {

@@ -37,7 +37,7 @@ fn contenders(seed: u64) -> [Contender; 5] {
     [path, levels, bdpt, vcm, sppm]
 }
 
-/// Choices for the work of about two CPU-seconds, by counted paths: the same on every machine. docs/lab/auto.md has the errors of all.
+/// Choices for about two CPU-seconds, by counted paths: the same on every machine. docs/lab/auto.md lists all errors.
 #[test]
 fn pilot_chooses_the_integrator_of_the_suite_scenes() {
     let expected = [
@@ -69,12 +69,12 @@ fn pilot_chooses_the_integrator_of_the_suite_scenes() {
             }
         }
     }
-    // Chance decides where two are close.
+    // Noise decides between two of nearly equal error.
     assert!(wrong.len() <= 2, "{wrong:#?}");
 }
 
-/// CPU time that is spent before the first small picture stands for a slow machine: a limit of time then has no race, and the scene
-/// decides. A number of samples has one.
+/// CPU time spent before the first small picture simulates a slow machine. Under a time limit the scene's features then
+/// decide without a race; under a limit of samples there is a race.
 #[test]
 fn race_ends_where_paths_are_slow_and_time_is_short() {
     let scene = scene(builtin("caustic-box").unwrap());

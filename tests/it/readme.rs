@@ -1,4 +1,4 @@
-//! Documents against the program: every command parses, every file and link exists, cheap examples of README run.
+//! Documents against the program: every command parses, every file and link exists, cheap examples of the README run.
 
 use crate::support::gltf::File;
 use crate::support::root;
@@ -19,7 +19,7 @@ const DOCUMENTS: [&str; 4] = [
     "training_scenes/README.md",
 ];
 
-/// Input files that a reader brings along.
+/// Input files of the reader.
 const STAND_INS: [&str; 15] = [
     "model.obj",
     "scan.ply",
@@ -38,7 +38,7 @@ const STAND_INS: [&str; 15] = [
     "my_scenes/manifest.toml",
 ];
 
-/// Options whose value is written, not read.
+/// Options whose value is an output file.
 const OUTPUTS: [&str; 10] = [
     "--stats",
     "-o",
@@ -52,7 +52,7 @@ const OUTPUTS: [&str; 10] = [
     "--checkpoint",
 ];
 
-/// Pages of what was measured, at the commits that they name.
+/// Pages of measurements, valid at the commits they state.
 const LAB: &str = "docs/lab";
 
 const SUBCOMMANDS: [&[&str]; 21] = [
@@ -83,7 +83,7 @@ fn read(document: &str) -> String {
     std::fs::read_to_string(root().join(document)).unwrap_or_else(|e| panic!("{document}: {e}"))
 }
 
-/// Words of a shell line without its comment.
+/// Words of a shell line, without the comment.
 fn words(line: &str) -> Vec<String> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
     for c in line.chars() {
@@ -102,7 +102,7 @@ fn words(line: &str) -> Vec<String> {
     words
 }
 
-/// Lines of the `sh` blocks of a document, and its inline code outside of all blocks.
+/// Lines of `sh` blocks of a document, and its inline code outside all blocks.
 fn code(text: &str) -> (Vec<Vec<String>>, Vec<Vec<String>>) {
     let (mut lines, mut spans) = (Vec::new(), Vec::new());
     for (i, part) in text.split("```").enumerate() {
@@ -117,7 +117,7 @@ fn code(text: &str) -> (Vec<Vec<String>>, Vec<Vec<String>>) {
     (lines, spans)
 }
 
-/// Arguments of `opsr` in a command line, if it is one.
+/// Arguments of `opsr` in a command line, or `None`.
 fn opsr_arguments(line: &[String]) -> Option<&[String]> {
     let cargo = ["cargo", "run", "--release", "--"];
     match line {
@@ -133,16 +133,16 @@ fn opsr<S: AsRef<std::ffi::OsStr>>(arguments: &[S], folder: &Path) -> Output {
     command.output().expect("the program")
 }
 
-/// First line of an error.
+/// First line of the error output.
 fn message(output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stderr);
     text.lines().next().unwrap_or_default().to_owned()
 }
 
-/// Faults of `opsr` arguments, as its own parser reports them.
+/// Error of the command's own parser for `opsr` arguments.
 ///
-/// `--help` at the end stops the program after names and values of all options before it have been parsed. Options that
-/// conflict or are missing are not found; running the command finds those.
+/// `--help` at the end stops the program once it has parsed all earlier options. Conflicts and missing options are not
+/// found; running the command finds those.
 fn parse_faults(arguments: &[String]) -> Option<String> {
     let arguments: Vec<&str> = (arguments.iter().map(String::as_str))
         .chain(["--help"])
@@ -221,8 +221,8 @@ fn cargo_faults(arguments: &[String]) -> Option<String> {
     }
 }
 
-/// A fault of a render whose output is named a raw picture or a reference, or is one of a suite, and that is not the mean of its
-/// samples: without `--resolve raw` it is blurred, and what is compared with it is judged by the blur.
+/// Error for a render of a reference (by its name or by a suite) without `--resolve raw`, or `None`. The default blur
+/// would bias every comparison with it.
 fn reference_fault(arguments: &[String], references: &[String]) -> Option<String> {
     let after = |option: &str| {
         let place = arguments.iter().position(|a| a == option)?;
@@ -241,7 +241,7 @@ fn reference_fault(arguments: &[String], references: &[String]) -> Option<String
         .then(|| format!("{output} is a reference without --resolve raw"))
 }
 
-/// Faults of one command line.
+/// Error of one command line.
 fn command_faults(line: &[String]) -> Option<String> {
     if let Some(arguments) = opsr_arguments(line) {
         return parse_faults(arguments).or_else(|| {
@@ -260,7 +260,7 @@ fn command_faults(line: &[String]) -> Option<String> {
         [python, script, ..] if python == "python3" => {
             (!is_there(script)).then(|| format!("{script} does not exist"))
         }
-        // A file from elsewhere.
+        // A file that is not in the repository.
         [pip, install, wheel]
             if [pip, install] == ["pip", "install"] && wheel.ends_with(".whl") =>
         {
@@ -281,7 +281,7 @@ fn command_faults(line: &[String]) -> Option<String> {
     }
 }
 
-/// Options that some subcommand's help defines, and those of cargo that documents name.
+/// Options in the help of any subcommand, and those of cargo that documents use.
 fn known_options() -> BTreeSet<String> {
     let mut known =
         BTreeSet::from(["--no-default-features", "--features", "--help"].map(str::to_owned));
@@ -299,7 +299,7 @@ fn known_options() -> BTreeSet<String> {
     known
 }
 
-/// The anchor that a heading gets.
+/// The anchor of a heading.
 fn anchor(heading: &str) -> String {
     let kept = |c: &char| c.is_alphanumeric() || " -_".contains(*c);
     let text: String = heading.trim_start_matches('#').trim().to_lowercase();
@@ -309,7 +309,7 @@ fn anchor(heading: &str) -> String {
         .replace(' ', "-")
 }
 
-/// A fault of a relative link, from a document.
+/// Error of a relative link in a document.
 fn link_fault(document: &Path, target: &str) -> Option<String> {
     if target.contains("://") {
         return None;
@@ -328,7 +328,7 @@ fn link_fault(document: &Path, target: &str) -> Option<String> {
         .then(|| format!("{target}: no such heading"))
 }
 
-/// Faults of the commands and options of a document.
+/// Errors of commands and options in a document.
 fn code_faults(document: &str, text: &str) -> Vec<String> {
     let mut faults = Vec::new();
     let (lines, spans) = code(text);
@@ -337,7 +337,7 @@ fn code_faults(document: &str, text: &str) -> Vec<String> {
     for line in lines.iter().chain(&commands) {
         faults.extend(command_faults(line).map(|fault| format!("{}: {fault}", line.join(" "))));
     }
-    // The changelog may name options of the past.
+    // The changelog may mention removed options.
     if document != "CHANGELOG.md" {
         let known = known_options();
         let options = others
@@ -350,7 +350,7 @@ fn code_faults(document: &str, text: &str) -> Vec<String> {
     faults
 }
 
-/// Faults of a document. Commands and options of the laboratory are those of the commits at which it measured.
+/// Errors of a document. Commands in pages of the laboratory belong to old commits, and are not checked.
 fn faults(document: &str, text: &str) -> Vec<String> {
     let mut faults = if document.starts_with(LAB) {
         Vec::new()
@@ -364,7 +364,7 @@ fn faults(document: &str, text: &str) -> Vec<String> {
     faults
 }
 
-/// Files of a folder whose names end so, sorted.
+/// Files of a folder with this ending, sorted.
 fn files(folder: &str, ending: &str) -> Vec<String> {
     let entries = std::fs::read_dir(root().join(folder)).unwrap();
     let names = entries.map(|entry| entry.unwrap().file_name().into_string().expect("UTF-8"));
@@ -375,7 +375,7 @@ fn files(folder: &str, ending: &str) -> Vec<String> {
     files
 }
 
-/// Pages of a folder of documents, sorted.
+/// Markdown pages of a folder, sorted.
 fn pages(folder: &str) -> Vec<String> {
     files(folder, ".md")
 }
@@ -393,7 +393,7 @@ fn documents_have_valid_commands_options_and_links() {
     assert!(all.is_empty(), "{}", all.join("\n"));
 }
 
-/// Faults of the commands at the head of a suite. Scenes that it writes first need not be there.
+/// Errors of the commands at the head of a suite. Scenes that it generates need not exist.
 fn suite_faults(text: &str) -> Vec<String> {
     let references: Vec<String> = (text.lines())
         .filter_map(|line| line.strip_prefix("reference = \"../")?.strip_suffix('"'))
@@ -438,7 +438,7 @@ fn suites_have_valid_commands() {
     );
 }
 
-/// Whether a text names a commit, as code or as "the commit that" did something, and a date.
+/// True if a text has a commit, as a hash or as "the commit that" did something, and a date.
 fn has_commit_and_date(text: &str) -> bool {
     let is_commit = |s: &str| s.len() >= 7 && s.chars().all(|c| c.is_ascii_hexdigit());
     let commit =
@@ -452,7 +452,7 @@ fn has_commit_and_date(text: &str) -> bool {
     commit && words.any(is_date)
 }
 
-/// What is measured without saying when cannot be compared later.
+/// A measurement without a date cannot be compared later.
 #[test]
 fn pages_of_the_laboratory_name_commits_and_dates_and_are_in_its_index() {
     assert!(has_commit_and_date("*Measured at `e298150`, 2026-11-23.*"));
@@ -521,8 +521,8 @@ fn planted_faults_in_a_document_are_found() {
     }
 }
 
-/// Arguments of a command with small sizes in place of its own, and the repository's files by their full names; `None`
-/// for what takes minutes even so.
+/// Arguments of a command with small sizes, and with full paths of repository files; `None` for commands that take
+/// minutes even then.
 fn cheap(arguments: &[String]) -> Option<Vec<String>> {
     let (remove, add): (&[&str], &[&str]) = match arguments.first()?.as_str() {
         "render" => (
@@ -543,7 +543,7 @@ fn cheap(arguments: &[String]) -> Option<Vec<String>> {
             words.next();
             continue;
         }
-        // A picture that lies there from trying the command by hand is no input.
+        // An output left from running the command by hand is not an input.
         let written = small.last().is_some_and(|option| option == "-o");
         let file = root().join(word);
         let known = !written && word.contains('.') && file.exists();
@@ -561,7 +561,7 @@ fn cheap(arguments: &[String]) -> Option<Vec<String>> {
     Some(small)
 }
 
-/// A training scene whose camera turns by an animation.
+/// A training scene whose camera turns in an animation.
 fn animated(name: &str) -> Vec<u8> {
     let glb = std::fs::read(root().join("training_scenes").join(name)).expect(name);
     let mut file = File::from_glb(&glb);
@@ -685,7 +685,7 @@ fn cited_sections_of_the_method_exist() {
     assert!(cited > 0, "nothing cites the method");
 }
 
-/// The table of look-ups in the page for renderer engineers, computed by the library.
+/// The table of look-ups in docs/renderers.md equals that of the library.
 #[test]
 fn look_up_vectors_of_the_document_are_the_librarys() {
     let mut table = AttenuationTable::constant(0.0);

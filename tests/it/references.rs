@@ -1,4 +1,4 @@
-//! References: a resumed one equals one run, foreign files are refused, and the committed ones agree with the renderer.
+//! References: a resumed one equals a single run, other files are refused, and committed ones agree with the renderer.
 
 use crate::support::root;
 use opsr::image::film::Film;
@@ -20,7 +20,7 @@ fn scene(manifest: &Manifest, entry: &SceneEntry) -> (Scene, [u8; 32]) {
     (Scene::new(loaded.parts), loaded.digest)
 }
 
-/// The committed list, but references go into a folder of the test's own.
+/// The committed list, with references in another folder.
 fn elsewhere(folder: &Path) -> Manifest {
     Manifest {
         folder: folder.to_owned(),
@@ -48,7 +48,7 @@ fn resume_of_a_reference_equals_one_run() {
         assert_eq!(last.samples(), expected);
         assert_eq!(open().samples(), expected);
     }
-    // The same samples; the file between rounds to single precision, relative to the largest value of a pixel.
+    // The same samples; the file in between rounds to single precision, relative to the largest value of a pixel.
     let close = |a: DVec3, b: DVec3, scale: DVec3| (a - b).abs().cmple(1e-6 * scale).all();
     let mut lit = 0;
     for (a, b) in whole.film().pixels.iter().zip(&last.film().pixels) {
@@ -59,7 +59,7 @@ fn resume_of_a_reference_equals_one_run() {
         lit += usize::from(va.x > 0.0);
     }
     assert!(lit > 500, "too few pixels vary for this to say anything");
-    // And not the same samples twice.
+    // Without repeated samples.
     let mut other = Film::cropped(whole.film().size, whole.film().window).unwrap();
     let tracer = Settings {
         max_vertices: entry.max_vertices,
@@ -106,7 +106,7 @@ fn reference_of_other_settings_is_refused() {
     assert!(error.to_string().contains(".exr"), "{error}");
 }
 
-/// Every committed reference exists, is of the committed scene, and its mean is that of a fresh render within the
+/// Every committed reference exists, belongs to the committed scene, and its mean is that of a fresh render within the
 /// noise of both.
 #[test]
 fn reference_files_agree_with_a_fresh_render() {
@@ -136,7 +136,7 @@ fn reference_files_agree_with_a_fresh_render() {
             let view = View::of(&scene, camera, &fresh);
             tracer.estimate(&view, &source, 0..SPP, &mut fresh, &mut ());
             let mean = |film: &Film| (film.pixels.iter()).map(|p| p.mean.y).sum::<f64>();
-            // The reference knows the variance better than 32 samples do.
+            // The reference gives a better estimate of the variance than 32 samples.
             let variance: f64 = (film.pixels.iter())
                 .map(|p| p.sample_variance().y * (1.0 / f64::from(SPP) + 1.0 / f64::from(p.n)))
                 .sum();

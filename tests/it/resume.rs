@@ -1,5 +1,5 @@
-//! Resumed work is bit-identical to work that was never stopped: fifty random places each, at another number of threads
-//! after each.
+//! Resumed work is bit-identical to uninterrupted work: fifty random stops each, with another number of threads after
+//! each.
 
 use crate::support::holds;
 use opsr_lab::verify::{Size, repeat};
@@ -25,7 +25,7 @@ mod training {
     use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
     use std::time::Instant;
 
-    /// Trains as a new process would, up to a step.
+    /// Trains up to a step, as a new process would.
     fn learn(config: &Config, crop: &Crop, folder: Option<&Path>, stop_at: u32) -> Outcome {
         learning::learn(config, crop, folder, stop_at).expect("an outcome")
     }
@@ -36,7 +36,7 @@ mod training {
         assert!(finding.holds(), "{finding:?}");
     }
 
-    /// A training that is stopped at each of its validations ends as one that never was.
+    /// A training that is stopped at each validation ends like an uninterrupted one.
     #[test]
     fn resume_of_a_training_stopped_at_its_validations() {
         let crop = crop(4);
@@ -115,7 +115,7 @@ mod training {
             assert!(std::fs::read(a).unwrap() == std::fs::read(&b).unwrap());
         }
 
-        // Settings that recordings do not depend on may change, others not.
+        // Settings without influence on recordings may change, others not.
         let other = Config {
             steps: 3,
             optimiser: Optimiser::Log,
@@ -168,9 +168,9 @@ mod training {
         };
         let folder = quick_folder();
         let clock = Instant::now();
-        // Minutes of work; the stop comes when the second crop begins.
+        // Minutes of work; the stop comes at the second crop.
         assert!(open(&config, folder.path(), 1).is_err());
-        // With room for a loaded machine.
+        // Generous, for a loaded machine.
         assert!(
             clock.elapsed().as_secs_f64() < 10.0,
             "{:?}",

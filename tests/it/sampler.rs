@@ -1,4 +1,4 @@
-//! Sobol points against independent samples: the same pictures, less noise, honest batches.
+//! Sobol points against independent samples: the same pictures, less noise, correct batch variances.
 
 use super::support::render::{film_with, scene};
 use super::support::scenes::two_mirrors;
@@ -22,7 +22,7 @@ fn settings(sampler: SamplerKind, seed: u64) -> Settings {
     }
 }
 
-/// A film whose samples are the means of `spp` samples with a seed each, and so independent.
+/// A film whose samples are renders of `spp` samples with different seeds, and so independent.
 fn renders(scene: &Scene, base: &Settings, size: u32, spp: u32, seeds: u64) -> Film {
     let mut film = Film::new(UVec2::splat(size));
     for seed in 0..seeds {
@@ -69,7 +69,7 @@ fn agreement_of_sobol_and_independent_samples() {
     }
 }
 
-/// Estimators with light paths, with the films that they keep by default.
+/// Estimators with light paths, with their default films.
 fn with_light_paths(sampler: SamplerKind, seed: u64) -> [Settings; 4] {
     let radius = Radius::default();
     [
@@ -107,8 +107,8 @@ fn agreement_of_sobol_and_independent_light_paths() {
     }
 }
 
-/// Variance of the mean of 64 samples over that of independent ones. Measured: 0.20 and 0.05; 0.13, 0.13 and 0.81 with light
-/// paths.
+/// Variance of the mean of 64 Sobol samples, relative to independent ones. Measured: 0.20 and 0.05; 0.13, 0.13 and 0.81
+/// with light paths.
 #[test]
 fn variance_of_sobol_samples_is_lower() {
     for (parts, most) in [(area_light_over_plane(), 0.5), (cornell_box(), 0.5)] {
@@ -125,7 +125,7 @@ fn variance_of_sobol_samples_is_lower() {
     }
 }
 
-/// Variance of the mean of 64 samples of a frame over that of independent ones.
+/// Variance of the mean of 64 Sobol samples of a frame, relative to independent ones.
 fn ratio_of_variances(scene: &Scene, settings: impl Fn(SamplerKind) -> Settings) -> f64 {
     let variance = |sampler| {
         let film = renders(scene, &settings(sampler), 12, 64, 16);
@@ -134,8 +134,8 @@ fn ratio_of_variances(scene: &Scene, settings: impl Fn(SamplerKind) -> Settings)
     variance(SamplerKind::Sobol) / variance(SamplerKind::Independent)
 }
 
-/// The variance between batches, which the choice of levels relies on, is that of the picture; the variance of a film is
-/// an upper bound.
+/// The variance between batches, input to the choice of levels, is that of the picture; the variance of a film is an
+/// upper bound.
 #[test]
 fn variance_between_batches_of_sobol_samples_is_honest() {
     let levels = Settings {
@@ -168,7 +168,7 @@ fn variance_of_raw_means_with_light_paths_is_honest() {
     }
 }
 
-/// The variance between batches, 0 without, and that of a film, over the true one.
+/// The variance between batches (0 without batches) and that of a film, relative to the true variance.
 fn stated_variances(base: &Settings) -> [f64; 2] {
     let scene = scene(cornell_box());
     let (size, spp, seeds) = (12, 64, 24);
@@ -199,7 +199,7 @@ fn stated_variances(base: &Settings) -> [f64; 2] {
     [between, bound].map(|sum| sum / seeds as f64 / truth)
 }
 
-/// Streams are keyed by pixel and sample alone; pixels, batches and seeds differ.
+/// Streams depend on pixel and sample alone; other pixels, batches and seeds give other numbers.
 #[test]
 fn determinism_of_camera_streams() {
     let source = |seed, batches| CameraSource::new(SamplerKind::Sobol, Seed(seed), batches);

@@ -7,7 +7,7 @@ use opsr_lab::gallery::glb;
 use opsr_lab::gallery::shapes;
 use std::collections::HashMap;
 
-/// Signed volume by the divergence theorem; panics unless every directed edge meets its reverse exactly once.
+/// Signed volume by the divergence theorem; panics unless every directed edge has its reverse exactly once.
 fn closed_volume(mesh: &Mesh) -> f64 {
     let key = |i: u32| {
         mesh.positions[i as usize]
@@ -32,7 +32,7 @@ fn closed_volume(mesh: &Mesh) -> f64 {
     volume
 }
 
-/// Smooth normals lie on the front side of every face that uses them.
+/// Smooth normals are on the front side of every face that uses them.
 fn normals_face_front(mesh: &Mesh) {
     for &[a, b, c] in &mesh.indices {
         let p = |i: u32| mesh.positions[i as usize];

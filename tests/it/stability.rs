@@ -25,7 +25,7 @@ fn holds(name: &str) {
     support::holds(case.run(Size::Tiny));
 }
 
-/// Requires that a check finds the fault that was planted in its argument.
+/// Requires that a check fails for the faulty implementation in its argument.
 fn found(finding: Finding) {
     eprintln!("planted: {finding:?}");
     assert!(!finding.holds(), "not found: {finding:?}");
@@ -100,10 +100,10 @@ fn witness(parts: SceneParts, rule: impl Roughening) -> Witness {
 #[test]
 fn case_1_delta_lobes_keep_their_roughness_in_the_path() {
     let seen = witness(two_mirrors(1.0, 5e-4), Rule::constant(1.0));
-    // The wall at the end is diffuse.
+    // The wall at the end of the path is diffuse.
     assert!(seen.scattered.iter().all(|&a| a == 5e-4 || a == 1.0));
     for (n, alpha) in seen.roughened.iter().filter(|(n, a)| *n <= 5 && *a < 1.0) {
-        // 1 − (1 − α)ⁿ from the Dirac bound on.
+        // 1 − (1 − α)ⁿ above the Dirac bound.
         let sum = 1.0 - (1.0f64 - 5e-4).powi(*n as i32);
         let expected = if sum < 1e-3 { 5e-4 } else { sum };
         assert!(
@@ -167,7 +167,7 @@ fn case_6_mis_weights_of_extreme_densities() {
 #[test]
 fn case_7_light_sampling_near_and_far() {
     holds("lights near and far");
-    // A shadow ray that ends on the light meets the light.
+    // A shadow ray that ends exactly on the light hits it.
     found(lights::occluded(&|surface, light| {
         let mut ray = surface.spawn_to_light(light);
         ray.t_max = light.distance;

@@ -114,7 +114,7 @@ fn case_15_too_many_nan_gradients_fail_with_a_checkpoint() {
     assert!(folder.path().join("last.ckpt").exists());
 }
 
-/// Such a loss was once taken for the best one, and its checkpoint could not be read back.
+/// A regression: a NaN loss became the best one, and its checkpoint could not be read.
 #[test]
 fn case_15_nan_loss_is_never_the_best() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! What pictures state about their error.
+//! The error that pictures state.
 
 use super::support::render::{film, scene};
 use opsr::image::film::Window;
@@ -11,7 +11,7 @@ use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr_lab::gallery::builtin;
 use opsr_metric::{mean_relative_error, relative_error_map};
 
-/// Means over films of the stated squared error and of the true one, relative to the mean of all films.
+/// Stated and true squared error, relative, averaged over films. Without `truth` the mean of all films replaces it.
 fn stated_and_true(films: &[Film], truth: Option<DVec3>) -> (f64, f64) {
     let count = films.len() as f64;
     let mean = |pixel: usize| {
@@ -19,7 +19,7 @@ fn stated_and_true(films: &[Film], truth: Option<DVec3>) -> (f64, f64) {
         truth.unwrap_or(sum / count)
     };
     let truths: Vec<DVec3> = (0..films[0].pixels.len()).map(mean).collect();
-    // The mean of all films is nearer to each of them than the truth is.
+    // Each film is part of the mean, and nearer to it than to the truth.
     let near = if truth.is_some() {
         1.0
     } else {
@@ -36,7 +36,7 @@ fn stated_and_true(films: &[Film], truth: Option<DVec3>) -> (f64, f64) {
     (stated, actual)
 }
 
-/// Light of mean 1 in hits of chance p and size 1 / p: its variance over its square is (1 / p − 1) / n, whatever was met.
+/// Hits of probability p and value 1 / p: the relative variance is (1 / p − 1) / n, independent of the hits found.
 #[test]
 fn stated_error_of_rare_hits_is_the_true_one() {
     for (chance, most) in [(0.5f32, 0.1), (0.05, 0.15), (0.005, 0.25)] {
@@ -67,8 +67,8 @@ fn stated_error_of_rare_hits_is_the_true_one() {
     }
 }
 
-/// Caustics by path tracing: a picture's own noisy means make four times less of them. The stated square is a fifth too small in the
-/// mean, and within 0.04 of that for other seeds.
+/// Caustics by path tracing: from a picture's own noisy means the stated error would be four times smaller. The stated
+/// square is a fifth too small on average, within 0.04 for other seeds.
 #[test]
 fn stated_error_of_caustics_is_the_true_one() {
     let scene = scene(builtin("cornell_caustics").expect("a scene"));
@@ -79,7 +79,7 @@ fn stated_error_of_caustics_is_the_true_one() {
     assert!((stated / actual - 0.82).abs() < 0.15, "{stated} {actual}");
 }
 
-/// A single bright sample carries the picture's error, which is then in doubt.
+/// A single bright sample dominates the picture's error, which is therefore uncertain.
 #[test]
 fn doubt_is_large_where_one_sample_decides() {
     let mut film = Film::new(UVec2::splat(32));
@@ -98,7 +98,7 @@ fn doubt_is_large_where_one_sample_decides() {
     assert!(statement.bound() > 1.5 * statement.mean);
 }
 
-/// Levels of roughening as normal numbers around a gradient: what halves show is the noise of all samples.
+/// Levels of normally distributed samples around a gradient: the difference of halves shows the noise of all samples.
 #[test]
 fn average_error_of_normal_samples_is_the_true_one_times_a_constant() {
     let size = 48u32;
@@ -142,7 +142,7 @@ fn average_error_of_normal_samples_is_the_true_one_times_a_constant() {
     }
 }
 
-/// The average error does not depend on the exposure, is at most 1, and 1 for a black picture.
+/// The average error is independent of exposure, at most 1, and 1 for a black picture.
 #[test]
 fn mean_relative_error_has_no_scale() {
     let picture = Buffer::from_fn(16, 16, |x, y| Rgb::new(x as f32, 1.0, 0.1 * y as f32));
@@ -166,8 +166,8 @@ fn mean_relative_error_has_no_scale() {
     assert!(error(&black, &reference) > 0.9);
 }
 
-/// The error map is the stated error pixel by pixel: of raw means and of the choice its mean is the average error, and tiles of more noise
-/// are those of more error.
+/// The error map is the stated error per pixel: its mean is the average error, for raw means and for the choice of
+/// levels, and noisier tiles have larger values.
 #[test]
 fn error_map_has_the_mean_that_is_stated() {
     let size = UVec2::new(48, 32);
@@ -216,7 +216,7 @@ fn error_map_has_the_mean_that_is_stated() {
             let sums = inside.fold((0.0, 0.0), |(m, t), i| {
                 (m + f64::from(map[i]), t + truth[i])
             });
-            // What is stated beyond noise is for bias, which is not here.
+            // The estimate also allows for bias, which is 0 here.
             let ratio = sums.0 / sums.1;
             assert!((0.95..1.9).contains(&ratio), "{side}: {ratio}");
         }

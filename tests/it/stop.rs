@@ -12,7 +12,7 @@ use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
-/// An integrator during one of whose passes somebody asks for an end.
+/// An integrator that requests a stop during one of its passes.
 struct Interrupted<'a> {
     own: Box<dyn Integrator>,
     asked: &'a AtomicBool,
@@ -90,7 +90,7 @@ fn blank(size: u32, settings: &Settings) -> Picture {
     .expect("a small picture")
 }
 
-/// A square picture of a render that is stopped before it begins, without a whole sample; why it ended.
+/// A square picture of a render that is stopped before its first sample, and the reason of its end.
 fn stopped_at_once(scene: &Scene, settings: &Settings, size: u32) -> (Picture, Reason) {
     let asked = AtomicBool::new(true);
     let stop = Stop::when(&asked);
@@ -112,8 +112,8 @@ fn whole(scene: &Scene, settings: &Settings, samples: u32) -> Picture {
     picture
 }
 
-/// A pass that is cut leaves no trace: the picture has the bytes of the samples before it, and goes on as if nothing had
-/// happened.
+/// An interrupted pass leaves no trace: the picture equals that of the samples before it, and a resumed render is
+/// bit-identical to a whole one.
 #[test]
 fn stopped_renders_hold_whole_samples_and_resume_bit_for_bit() {
     let scene = scene(cornell_box());
@@ -152,11 +152,11 @@ fn stopped_renders_hold_whole_samples_and_resume_bit_for_bit() {
     }
 }
 
-/// The error is estimated rarely, since an estimate costs as much as some samples, and a resumed render ends where a whole one does.
+/// An estimate costs as much as some samples, and is rare; a resumed render ends at the same sample as a whole one.
 #[test]
 fn errors_are_estimated_where_they_may_be_low_enough() {
     static ESTIMATES: AtomicU32 = AtomicU32::new(0);
-    /// That of noise, by the samples alone.
+    /// Error of pure noise, from the number of samples alone.
     fn noise(picture: &Picture) -> f64 {
         ESTIMATES.fetch_add(1, Ordering::Relaxed);
         f64::from(picture.film.pixels[0].n).sqrt().recip()
@@ -182,7 +182,7 @@ fn errors_are_estimated_where_they_may_be_low_enough() {
         let (progress, reason) = drive(integrator, &view, &budget, start, &mut picture, go_on);
         (progress.samples, reason, ESTIMATES.load(Ordering::Relaxed))
     };
-    // 16, 20, 25, and so on by a quarter: 425 are the first with an error of 1/20.
+    // Estimates at 16, 20, 25 and so on by a quarter: 425 is the first of these with an error of at most 1/20.
     assert_eq!(ended(0, 0.05), (425, Reason::Error, 4));
     assert_eq!(ended(100, 0.05), (425, Reason::Error, 4));
     assert_eq!(ended(425, 0.05), (425, Reason::Error, 1));
@@ -190,7 +190,7 @@ fn errors_are_estimated_where_they_may_be_low_enough() {
     assert_eq!(ended(0, 1e-9), (2000, Reason::Samples, 1));
 }
 
-/// Of a first sample that is cut the finished tiles are kept, each as it would be in the whole one.
+/// An interrupted first sample keeps its finished tiles, each as in the whole one.
 #[test]
 fn stopped_first_pass_keeps_its_finished_tiles() {
     let scene = scene(cornell_box());
@@ -234,7 +234,7 @@ fn stopped_first_pass_keeps_its_finished_tiles() {
     assert!(cut, "no wait was in the middle of the pass");
 }
 
-/// Chains that have run stand for all: a first pass of few has the brightness of a whole one.
+/// Finished chains represent all: a first pass of few has the brightness of a whole one.
 #[test]
 fn stopped_first_pass_of_chains_is_as_bright_as_a_whole_one() {
     let scene = scene(cornell_box());
@@ -253,8 +253,8 @@ fn stopped_first_pass_of_chains_is_as_bright_as_a_whole_one() {
     assert!((found / expected - 1.0).abs() < 0.2, "{found}, {expected}");
 }
 
-/// Of a first sample that is cut some light paths stand for all: what there is of the picture is as bright as it should be, and
-/// the render ends before it has met all pixels, whatever else the machine does.
+/// An interrupted first sample has a part of its light paths and of its pixels. The pixels are as bright as in a whole
+/// one, and the render ends before it has all, on any machine.
 #[test]
 fn first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_one() {
     const SIDE: usize = 1400;
@@ -305,8 +305,8 @@ fn first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_o
         println!("{estimator:?}: {kept} pixels, {:.4}", found / right);
         assert!(kept > 1000, "{estimator:?}: {kept}");
         assert!(kept < SIDE * SIDE, "{estimator:?} was not cut");
-        // A busy machine has few light paths by then; those that were cut, counted as of all, would be a hundredth of this. Of a
-        // machine that got to the first pixels alone nothing can be said.
+        // A busy machine traces few light paths by then; weights of all paths would give a hundredth of this
+        // brightness. The first pixels alone are too few to compare.
         assert!(
             kept < 10_000 || (0.3..3.0).contains(&(found / right)),
             "{estimator:?}: {found} {right}"
@@ -314,8 +314,8 @@ fn first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_o
     }
 }
 
-/// However early a first sample is cut, its first piece of pixels is there, and with a choice of blurs the film of batches has the
-/// same pixels.
+/// Any interrupted first sample contains its first piece of pixels, and with a choice of blurs the film of batches has
+/// the same pixels.
 #[test]
 fn first_sample_that_is_cut_at_once_has_its_first_pixels() {
     let scene = scene(cornell_box());
@@ -338,7 +338,7 @@ fn first_sample_that_is_cut_at_once_has_its_first_pixels() {
             let met = picture.film.pixels.iter().map(|pixel| pixel.n > 0);
             let met: Vec<bool> = met.collect();
             let count = met.iter().filter(|met| **met).count();
-            // One of four pieces.
+            // One of four pieces of the picture.
             assert_eq!(count, 1024, "{estimator:?}");
             if let Some(levels) = &picture.levels {
                 let batch = &levels.batch_means(0)[0].pixels;

@@ -75,7 +75,7 @@ fn self_intersection_in_a_convex_body_at_every_scale() {
 
 #[test]
 fn self_intersection_on_flat_ground_of_mixed_triangles() {
-    // Spacings from 1e-3 to 100 units beside each other.
+    // Adjacent spacings from 1e-3 to 100 units.
     let ticks: Vec<f32> = (0..24).map(|k| 1e-3 * 1.7f32.powi(k)).collect();
     let n = ticks.len() as u32;
     let mesh = Mesh {
@@ -224,7 +224,7 @@ fn shading_normal_and_geometric_normal_agree_on_sides() {
     let mut bent = 0;
     for _ in 0..2000 {
         let mut mesh = mesh_of(&square(1.0, 0.0)[..1]);
-        // Random normals, with zero, NaN and grazing ones among them.
+        // Random normals, some of them zero, NaN or grazing.
         mesh.normals = (0..3)
             .map(|_| match rng.random_range(0..8) {
                 0 => Vec3::ZERO,
@@ -252,7 +252,7 @@ fn shading_normal_and_geometric_normal_agree_on_sides() {
     assert!(bent > 100, "only {bent} normals were bent");
 }
 
-/// Triangles that stand for curved surfaces have a height below these, others none: bit for bit as if there were no such thing.
+/// Triangles of curved surfaces have a `rise` above the facet; others have none, bit for bit as without this feature.
 #[test]
 fn only_facets_of_curved_opaque_surfaces_rise() {
     let ball = |divisions| shapes::sphere(Vec3::ZERO, 1.0, divisions);
@@ -279,7 +279,7 @@ fn only_facets_of_curved_opaque_surfaces_rise() {
         ball.indices.iter_mut().for_each(|face| face.swap(1, 2));
         ball
     };
-    // Facets whose corners have one normal, not their own.
+    // Facets with one normal at all corners, tilted against the facet's own.
     let leaning = || {
         let mut mesh = faceted();
         for normals in mesh.normals.chunks_exact_mut(3) {
@@ -314,12 +314,12 @@ fn only_facets_of_curved_opaque_surfaces_rise() {
             let ray = Ray::new(-3.0 * dir + point(&mut rng, 0.3), dir);
             let hit = scene.intersect(&ray).expect("a hit");
             let surface = scene.surface_along(&hit, ray.dir);
-            // Light walks, and what comes from behind, meet the facet alone.
+            // Light subpaths and directions from behind use the facet alone.
             let others = [scene.surface(&hit), scene.surface_along(&hit, -ray.dir)];
             assert!(others.iter().all(|s| s.rise == 0.0), "{name}");
             let p = surface.position;
             assert!(rises || surface.rise == 0.0, "{name}: {}", surface.rise);
-            // A ray that its facet alone would block passes over the whole ball.
+            // A ray that the facet alone would block leaves the whole ball.
             let out = (surface.ns - 1.001 * surface.ns.dot(surface.ng) * surface.ng).normalize();
             if rises && surface.ns.dot(out) > 0.1 {
                 let height = (p + surface.rise * surface.ng).length();
@@ -332,7 +332,7 @@ fn only_facets_of_curved_opaque_surfaces_rise() {
     }
 }
 
-/// A light walk's vertex looks its BSDF up twice, once as the camera sees it: the frame is the same.
+/// A light subpath evaluates its vertex twice, once towards the camera: the frame is the same.
 #[test]
 fn shading_frame_is_the_same_however_often_the_surface_is_looked_up() {
     let mut parts = SceneParts::default();
@@ -384,14 +384,14 @@ fn shading_frame_bends_only_where_a_mirror_direction_would_graze() {
         let side = if w.dot(ng) < 0.0 { -w } else { w };
         let frame = surface.frame_for(w);
         assert_eq!(bits(frame), bits(surface.frame_for(-w)), "two sides, {w}");
-        // Edge-on, rounding may take the last digit.
+        // Edge-on, rounding may change the last digit.
         assert!(frame.n.dot(side) > -1e-6, "{ns} {w}");
         let mirrored = 2.0 * ns.dot(side) * ns - side;
         if mirrored.dot(ng) >= surface.least_reflected {
             assert_eq!(bits(frame), bits(Frame::from_normal(ns)), "{ns} {w}");
             level += 1;
         } else {
-            // Where the view itself grazes the surface, less is asked for.
+            // For a grazing view the required cosine is smaller.
             if mirrored.dot(ng) < 0.9 * surface.least_reflected.min(side.dot(ng)) - 1e-6 {
                 assert_ne!(frame.n, ns, "{w} is mirrored below the surface");
             }
@@ -416,7 +416,7 @@ fn shading_frame_is_that_of_one_surface_for_camera_rays_and_light_rays() {
         else {
             continue;
         };
-        // Towards the same point from a light elsewhere.
+        // Towards the same point from a light at another place.
         let to = leaving(&mut rng, camera.ng, 1e-3);
         let Some((other, light)) = meet(&geometry, &parts, &Ray::new(camera.position + to, -to))
         else {
@@ -434,7 +434,7 @@ fn shading_frame_is_that_of_one_surface_for_camera_rays_and_light_rays() {
         let wo = (from - camera.position).normalize();
         let value = [camera.frame_for(wo), light.frame_for(wo)];
         assert!((value[0].n - value[1].n).length() < 1e-2, "{value:?}");
-        // A walk from the light that kept its own frame would scatter off another surface.
+        // A light subpath with the frame of its own direction would scatter off another surface.
         apart += usize::from((light.frame_for(to).n - value[0].n).length() > 1e-2);
     }
     assert!(met > 5000 && apart > 50, "{met} {apart}");
@@ -448,7 +448,7 @@ fn meet_square() -> Surface {
     surface
 }
 
-/// An opaque square below one of the given opacity.
+/// An opaque square below one with this opacity.
 fn veiled(alpha_mode: AlphaMode, opacity: f32) -> SceneParts {
     let mut parts = parts_of(vec![mesh_of(&square(1.0, 0.0)), mesh_of(&square(1.0, 1.0))]);
     parts.meshes[1].material = 1;

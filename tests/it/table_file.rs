@@ -1,4 +1,4 @@
-//! Table files: saved tables read back bit-identical; files that are not tables are refused by name.
+//! Table files: saved tables are read back bit-identical; other files are refused with their name.
 
 use crate::fuzz::seeds;
 use opsr::regularise::file::{TableFile, VERSION, save};
@@ -53,7 +53,7 @@ fn digest_covers_factors_scale_and_lookup_only() {
     };
     let text = file.to_json().unwrap();
     assert_eq!(parse(text.as_bytes()).unwrap(), file);
-    // Everything that a render depends on.
+    // Everything that a render depends on changes the digest.
     let digest = |table: &AttenuationTable, provenance| {
         let table = table.clone();
         TableFile { table, provenance }.digest()

@@ -1,4 +1,4 @@
-//! The trainer: moments and gradients of its three evaluations against renders, finite differences and one another.
+//! The trainer: moments and gradients of its three evaluations against renders, finite differences and each other.
 
 mod adam;
 mod fresh;
@@ -22,7 +22,7 @@ use opsr_train::record::event::MeanAndSquare;
 use opsr_train::record::recording::{Recording, Tape};
 use opsr_train::record::target::EPSILON;
 
-/// A small crop of the box with glass and copper, with a reference at a known factor.
+/// A small crop of a box with glass and copper, with its reference.
 pub(crate) fn crop(edge: u32) -> Crop {
     crop_of(caustic_box(), edge).unwrap()
 }
@@ -32,7 +32,7 @@ fn replay_matches_the_render_at_the_recorded_factor() {
     compare_replay_with_render(&crop(8));
 }
 
-/// A coat over a diffuse base: its diffuse lobe finds the light too, and is reported after the path has left the vertex.
+/// A coat over a diffuse base: the diffuse lobe finds the light too, and is reported after the path left the vertex.
 #[test]
 fn replay_matches_the_render_of_a_coat_at_the_recorded_factor() {
     let mut parts = caustic_box();
@@ -100,7 +100,7 @@ fn error(reference: &[[f32; 3]], pictures: impl Iterator<Item = Moments>) -> f32
     error / count
 }
 
-/// A render of a crop on the ways through glass that are drawn, as those of recordings are, as moments.
+/// Moments of a render of a crop, with random reflection or refraction at smooth glass as in recordings.
 fn render(crop: &Crop, gamma: f32, samples: u32, seed: u64) -> Moments {
     let settings = Settings {
         rule: Rule::constant(gamma),
@@ -162,7 +162,7 @@ fn bias_and_noise_of_replay_match_the_render_at_every_factor() {
         assert!((several - 1.0).abs() < 0.15, "{gamma}: {several}");
         worst = worst.max(single);
     }
-    // A recording with a single factor is much noisier somewhere.
+    // A recording at a single factor has much more noise at some other factor.
     assert!(worst > 1.5, "{worst}");
 }
 
@@ -178,7 +178,7 @@ fn bias_of_recordings_with_event_roulette_is_zero() {
     for gamma in [0.002, 0.05, 1.0] {
         let table = AttenuationTable::constant(gamma);
         let (a, b) = (all.moments(&table), some.moments(&table));
-        // The paths are the same, so only the roulette differs: at most √(f²/n) in a pixel.
+        // The paths are the same, and only the roulette differs: at most √(f²/n) in a pixel.
         let (mut sum, mut off) = (0.0, 0.0);
         for ((a, b), f) in a.mean.iter().zip(&b.mean).zip(&crop.reference) {
             for c in 0..3 {
@@ -249,7 +249,7 @@ fn tabulated_moments_and_gradient_match_replay() {
         curves.anchor(&table);
         let mut replay = Replay::new(recording);
         let adjoint = adjoint(64);
-        // The second table is near the first, so that the tangent of folded paths is used as well.
+        // The second table is near the first, so that the tangent of folded paths is used too.
         let mut near = table.clone();
         for gamma in near.gammas.iter_mut() {
             *gamma *= 1.01;

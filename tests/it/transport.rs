@@ -1,4 +1,4 @@
-//! The path tracer against analytic answers, against a naive tracer, and against itself.
+//! The path tracer against analytic results, against a naive tracer, and against itself.
 
 use super::support::render::{film, film_with, mean, scene, without_noise};
 use super::support::scenes;
@@ -84,7 +84,7 @@ fn white_furnace_of_a_diffuse_sphere_is_uniform() {
 
 #[test]
 fn analytic_radiance_of_lights_over_planes() {
-    // Pixels so small that the formula's value at the centre is the pixel's.
+    // Pixels small enough that the formula at the centre is the pixel's value.
     let mut parts = scenes::point_light_over_plane();
     parts.cameras.clear();
     parts.add_camera([0.0, 0.5, 4.0], [0.0, 0.0, 0.0], 0.05);
@@ -118,7 +118,7 @@ fn analytic_transmittance_of_a_glass_slab() {
     assert_mean(&film, expected, "slab");
 }
 
-/// Cubes of half the edge 1, 2, … around the origin, bodies of this index that absorb 0.1, 0.2, … per unit length, under a
+/// Cubes of half edge 1, 2, … around the origin: bodies of this index that absorb 0.1, 0.2, … per unit length, under a
 /// sky of radiance 1.
 fn nested_cubes(count: u32, ior: f32) -> SceneParts {
     let mut parts = SceneParts {
@@ -153,7 +153,7 @@ fn analytic_absorption_around_the_camera() {
     let expected = n * n * (-sigma).exp() * passes;
     let film = film_with(&scene(parts), &deep(), 16, 4096);
     assert_mean(&film, expected, "inside");
-    // Half of a parallel camera's rays start in the body.
+    // Half of an orthographic camera's rays start in the body.
     let mut parts = nested_cubes(1, 1.0);
     parts.add_camera([1.0, 0.0, 0.0], [1.0, 0.0, -1.0], 1.0);
     parts.cameras[0].projection = Projection::Orthographic { half_height: 0.5 };
@@ -167,7 +167,7 @@ fn analytic_absorption_around_the_camera() {
 #[test]
 fn analytic_absorption_of_nested_bodies() {
     for count in [1, 4, 5, 12] {
-        // One unit of the way in each body: ∑ 0.1 i.
+        // One unit of the ray in each body: ∑ 0.1 i.
         let depth = 0.05 * f64::from(count * (count + 1));
         for (from, passes) in [(0.0, 1.0), (20.0, 2.0)] {
             let mut parts = nested_cubes(count, 1.0);
@@ -196,7 +196,7 @@ fn analytic_absorption_of_mirrors() {
     assert_mean(&film, fresnel.powi(8), "mirrors of 0.8");
 }
 
-/// A closed room with a lit ceiling, which a tracer without light sampling finds soon.
+/// A closed room with an emissive ceiling, which a tracer without light sampling hits soon.
 fn lit_room(content: impl FnOnce(&mut SceneParts)) -> Scene {
     let mut parts = SceneParts::default();
     let [left, right, floor, ceiling, back, front] =
@@ -211,7 +211,7 @@ fn lit_room(content: impl FnOnce(&mut SceneParts)) -> Scene {
     scene(parts)
 }
 
-/// The tracer agrees with the naive one.
+/// Requires that the path tracer agrees with the naive one.
 fn assert_naive_agrees(scene: &Scene, what: &str) {
     let settings = Settings {
         max_vertices: 8,
@@ -318,7 +318,7 @@ fn diffuse_scenes_are_bit_identical_under_every_rule() {
     for settings in every_rule(3) {
         assert_eq!(film_with(&scene, &settings, 16, 8), plain, "{settings:?}");
     }
-    // Such scenes are rendered without a rule; a tracer with one makes the same picture.
+    // Such scenes are rendered without a rule; a tracer with a rule gives the same picture.
     assert!(!scene.features().lobes);
     let mut ruled = Film::new(UVec2::splat(16));
     let view = View::of(&scene, &scene.parts().cameras[0], &ruled);
@@ -331,7 +331,7 @@ fn diffuse_scenes_are_bit_identical_under_every_rule() {
 #[test]
 fn has_lobes_follows_the_materials_in_use() {
     assert!(scene(caustic_box()).features().lobes);
-    // A material that no mesh has does not count; a texture may make any roughness smaller.
+    // An unused material does not count; a texture may reduce any roughness.
     let mut parts = cornell_box();
     let glossy = Material {
         alpha: 0.5,
@@ -402,7 +402,7 @@ fn determinism_under_threads_tiles_and_splits() {
 
 #[test]
 fn bias_vanishes_with_gamma() {
-    // Frosted glass under a large light: plain path tracing converges, and so must everything near it.
+    // Frosted glass under a large light: plain path tracing converges, and a tiny factor must give the same picture.
     let room = lit_room(|parts| {
         let ball = sphere(Vec3::new(0.0, 0.6, 0.0), 0.5, 3);
         parts.add(glass("frosted", 1.5, 0.2), [ball]);
@@ -413,7 +413,7 @@ fn bias_vanishes_with_gamma() {
     assert!(agreement.passed(), "{agreement}");
 }
 
-/// A small film of the samples with these numbers.
+/// A small film of a range of samples.
 fn film_of(scene: &Scene, rule: Rule, samples: std::ops::Range<u32>) -> Film {
     let settings = Settings {
         rule,
@@ -442,7 +442,7 @@ fn consistent_variant_roughens_less_with_every_sample() {
     let one = |lambda, samples| film_of(&room, rule(lambda), samples).mean();
     assert_eq!(one(0.0, 0..1), one(0.3, 0..1));
     assert_ne!(one(0.0, 7..8), one(0.3, 7..8));
-    // At sample 1e9 with λ = 0.49 the surplus is scaled by 4e-5: next to nothing is left of it.
+    // At sample 1e9 with λ = 0.49 the surplus is scaled by 4e-5, next to nothing.
     let late = 1_000_000_000;
     let plain = film_of(&room, Rule::Plain, late..late + 64);
     let vanishing = film_of(&room, rule(0.49), late..late + 64);

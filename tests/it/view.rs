@@ -1,4 +1,4 @@
-//! The viewer by its protocol: who is answered, what is refused, what stalls nothing, and that its picture is that of a render.
+//! The viewer's protocol: valid clients, refused requests, stalled clients, and a picture that equals that of a render.
 
 mod dropped;
 mod film;
@@ -39,7 +39,7 @@ impl Drop for Running {
     }
 }
 
-/// An answer.
+/// A response.
 #[derive(Debug)]
 struct Answer {
     status: u16,
@@ -99,10 +99,10 @@ impl Running {
         stream
     }
 
-    /// Sends these bytes and reads an answer.
+    /// Sends bytes and reads the response.
     fn raw(&self, bytes: &[u8]) -> Answer {
         let mut stream = self.connect();
-        // A server that has heard enough may close before the end.
+        // The server may close the connection before the last byte.
         let _ = stream.write_all(bytes);
         read(&mut stream)
     }
@@ -130,7 +130,7 @@ impl Running {
         serde_json::from_slice(&self.get(path).body).expect("JSON")
     }
 
-    /// The newest head, and the bytes of its pictures.
+    /// The newest state, and the bytes of its pictures.
     fn poll(&self, frame: u64) -> (Value, Vec<u8>) {
         let body = self.get(&format!("poll?frame={frame}&words=0")).body;
         let length = u32::from_le_bytes(body[..4].try_into().expect("a length")) as usize;
@@ -138,7 +138,7 @@ impl Running {
         (head, body[4 + length..].to_vec())
     }
 
-    /// Waits until the newest state and picture are as wanted.
+    /// Polls until the newest state and picture satisfy a condition.
     fn until(&self, wanted: impl Fn(&Value) -> bool) -> (Value, Vec<u8>) {
         let end = Instant::now() + Duration::from_secs(60);
         loop {
@@ -151,7 +151,7 @@ impl Running {
         }
     }
 
-    /// Waits until the whole render is shown.
+    /// Waits until the finished render is on the page.
     fn done(&self) -> (Value, Vec<u8>) {
         self.until(|head| {
             let same = head["picture"]["run"] == head["state"]["run"];
@@ -210,7 +210,7 @@ fn view_refuses_whoever_may_not_ask() {
     ] {
         assert!(page.head.contains(header), "{}", page.head);
     }
-    // The page loads nothing from elsewhere.
+    // The page loads nothing from other hosts.
     let scripts = ["page", "camera", "pixel", "curve", "film", "drop"];
     let scripts = scripts.map(|name| format!("{name}.js"));
     for file in ["", "page.css"]
@@ -240,7 +240,7 @@ fn view_refuses_whoever_may_not_ask() {
             assert_eq!(answer.status, 403, "{origin} {path}");
         }
     }
-    // A name of another site that leads to this machine.
+    // Host names of another site that resolve to this machine, and other forms of the address.
     for host in [
         format!("evil.example:{port}"),
         "127.0.0.1".into(),
@@ -342,7 +342,7 @@ fn view_refuses_messages_that_are_too_long_or_wrong() {
             .status,
         411
     );
-    // A second request hidden in the first, and a host that is named twice.
+    // A request hidden in another by ambiguous lengths, and two host headers.
     let (token, port) = (&viewer.token, viewer.port);
     let host = format!("Host: 127.0.0.1:{port}\r\n");
     for head in [
@@ -403,7 +403,7 @@ fn view_refuses_messages_that_are_too_long_or_wrong() {
     assert_eq!(before["state"]["run"], after["state"]["run"]);
 }
 
-/// The size and the picture of a render with these options, without the viewer.
+/// Size and picture of a render with these options, without the viewer.
 fn rendered(viewer: &Running, asked: &Spec) -> ([u32; 2], opsr::image::Buffer) {
     let opened = asked.open(&viewer.scene, opsr_formats::FORMATS, Scene::new);
     let opened = opened.expect("a scene");
@@ -420,14 +420,14 @@ fn rendered(viewer: &Running, asked: &Spec) -> ([u32; 2], opsr::image::Buffer) {
     (frame, request.spec.shown(&output.picture))
 }
 
-/// Red, green and blue of the pixels of a page.
+/// RGB bytes of RGBA pixels.
 fn colours(pixels: &[u8]) -> Vec<u8> {
     let pixels = pixels.chunks_exact(4);
     pixels.flat_map(|p| &p[..3]).copied().collect()
 }
 
-/// The picture on the page, turned and with another method, is that of a render of the saved view: the same bits in the file,
-/// the same bytes on the page.
+/// With a moved camera and another method the page shows the render of the saved view: the same bits in the file, the
+/// same bytes on the page.
 #[test]
 fn view_picture_is_that_of_a_render_with_the_saved_view() {
     for choices in [
@@ -477,7 +477,7 @@ fn view_picture_is_that_of_a_render_with_the_saved_view() {
         let display = |p| opsr::image::png::display(p, 0.5.into());
         let written: Vec<u8> = rendered.pixels.iter().flat_map(|&p| display(p)).collect();
         assert!(on_page == written, "{choices:?}");
-        // The command says the same.
+        // The command line of the page has the same view.
         let command = head["state"]["command"]
             .as_str()
             .expect("a command")
@@ -489,7 +489,7 @@ fn view_picture_is_that_of_a_render_with_the_saved_view() {
     }
 }
 
-/// Clients that stall in the middle of a request or of an answer, many messages, and two pages: the render ends as it would.
+/// Clients that stall in a request or a response, many messages, and two pages do not hold up the render.
 #[test]
 fn view_is_held_up_by_no_client() {
     let viewer = Running::new(&[("spp", json!(4096)), ("size", json!("160x120"))]);
@@ -501,7 +501,7 @@ fn view_is_held_up_by_no_client() {
         let text = format!(
             "GET /{token}/poll?frame=0&words=0 HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n{whole}"
         );
-        // Those that ask again and again and never read.
+        // Clients that repeat requests and never read.
         let times = if i % 2 == 0 { 400 } else { 1 };
         stream
             .set_write_timeout(Some(Duration::from_millis(50)))
@@ -523,7 +523,7 @@ fn view_is_held_up_by_no_client() {
         "{:?}",
         clock.elapsed()
     );
-    // The render has gone on, and both pages see the same.
+    // The render has continued, and both pages show the same.
     let samples = |head: &Value| {
         head["state"]["course"]["samples"]
             .as_u64()
@@ -542,7 +542,7 @@ fn view_is_held_up_by_no_client() {
     drop(stalled);
 }
 
-/// Strangers who hold connections open keep no page out, and one who sends a byte now and then is not heard for long.
+/// Clients without the token cannot keep pages out by open connections, and a slow one is disconnected.
 #[test]
 fn view_has_room_beside_strangers() {
     let viewer = Running::new(&[]);
@@ -557,14 +557,14 @@ fn view_has_room_beside_strangers() {
         })
         .collect();
     assert_eq!(viewer.get("facts").status, 200);
-    // Who is refused has to come again.
+    // A refused client must connect again.
     let mut refused = viewer.connect();
     let text = format!("GET /{token}/ HTTP/1.1\r\nHost: evil.example:{port}\r\n\r\n");
     refused.write_all(text.as_bytes()).expect("sent");
     assert_eq!(read(&mut refused).status, 403);
     assert!(!matches!(refused.read(&mut [0]), Ok(1..)));
     drop(strangers);
-    // All places are taken by those who know the token; once they leave there is room.
+    // Clients with the token take all connections; once they close there is room.
     let known: Vec<TcpStream> = (0..48)
         .map_while(|_| {
             let mut stream = viewer.connect();
@@ -581,7 +581,7 @@ fn view_has_room_beside_strangers() {
         assert!(Instant::now() < end, "places do not come back");
         std::thread::sleep(Duration::from_millis(20));
     }
-    // Shut when its place was needed, or when its time was over.
+    // Closed when its connection was needed, or after its time limit.
     let clock = Instant::now();
     while slow.write_all(b"G").is_ok() {
         assert!(clock.elapsed() < Duration::from_secs(8), "a slow head");
@@ -589,7 +589,7 @@ fn view_has_room_beside_strangers() {
     }
 }
 
-/// A head that comes a byte at a time is heard for five seconds.
+/// A request head that arrives byte by byte is cut off after five seconds.
 #[test]
 fn view_does_not_wait_for_a_slow_head() {
     let viewer = Running::new(&[]);
@@ -605,7 +605,7 @@ fn view_does_not_wait_for_a_slow_head() {
     }
 }
 
-/// Pages that wait leave connections of their browser to others: the fourth is answered at once.
+/// Waiting polls must not use up a browser's connections: the fourth gets its response at once.
 #[test]
 fn view_answers_many_pages() {
     let viewer = Running::new(&[("spp", json!(1))]);
@@ -626,7 +626,7 @@ fn view_answers_many_pages() {
 }
 
 impl Running {
-    /// The picture of a render that is paused, once it has come to rest.
+    /// The picture of a paused render, once it shows all samples.
     fn done_paused(&self) -> (Value, Vec<u8>) {
         self.until(|head| {
             let (shown, all) = (
@@ -674,7 +674,7 @@ fn view_shows_what_is_asked_for() {
     );
     let index = 4 * (12 * 24 + 12);
     assert!(picture[index + 3] == 255 && pixel["radiance"][0].as_f64() > Some(0.0));
-    // Paths: the brightest first, and their mean is that of all.
+    // Paths are sorted by brightness, and their mean is that of the pixel.
     let paths = viewer.json("paths?x=12&y=12");
     let light = |path: &Value| {
         let of = |i: usize| path["radiance"][i].as_f64().expect("a number");
@@ -696,14 +696,14 @@ fn view_shows_what_is_asked_for() {
         "{vertex}"
     );
 
-    // Another render beside this one, for the same time; options that do not go together are left out, and said.
+    // A second render beside the first, for the same time; conflicting options are omitted and reported.
     viewer.post("set", &json!({ "other": { "integrator": "bdpt" } }));
     let (head, both) = viewer.until(|head| {
         let samples = &head["state"]["other_course"]["samples"];
         head["images"].as_array().is_some_and(|i| i.len() == 2) && *samples == json!(16)
     });
     assert_eq!(both.len(), 2 * 24 * 16 * 4);
-    // FLIP is said whatever is shown.
+    // FLIP is reported for any displayed picture.
     let (head, _) = match head["state"]["flip"].is_number() {
         true => (head, both),
         false => viewer.until(|head| head["state"]["flip"].is_number()),
@@ -724,7 +724,7 @@ fn view_shows_what_is_asked_for() {
     let (head, _) = viewer.until(|head| head["state"]["integrator"] == "path");
     assert_eq!(head["state"]["options"]["table"], 0.3);
 
-    // A point is put in focus, and looked at.
+    // A pick sets the focus distance.
     let run = head["state"]["run"].clone();
     let answer = viewer.post("pick", &json!({ "x": 12, "y": 12, "what": "focus" }));
     assert_eq!(answer.status, 200, "{}", answer.text());
@@ -749,7 +749,7 @@ fn view_shows_what_is_asked_for() {
     );
 }
 
-/// The camera turns at the depth of the objects, though the middle of the picture shows the floor; the page gets their boxes.
+/// The camera orbits at the depth of the objects, not of the floor in the centre; the page gets their boxes.
 #[test]
 fn view_knows_the_objects_of_a_studio() {
     let mut parts = SceneParts::default();

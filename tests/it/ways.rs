@@ -1,4 +1,4 @@
-//! Paths and levels on both ways through smooth glass, against paths that draw one.
+//! Paths and levels that follow both reflection and refraction at smooth glass, against a random choice of one.
 
 use super::levels::{SCALED, level_films, metal_room, scaled, settings, table};
 use super::support::render::{drawn, drawn_means, film_with, scene};
@@ -10,7 +10,7 @@ use opsr::scene::{Material, Scene};
 use opsr_lab::gallery::shapes::{quad, sphere};
 use opsr_lab::stats::agreement::agree;
 
-/// The room of rough metal behind a pane that reflects a third of the light and a large ball of glass, with a point light.
+/// The room of rough metal behind a pane that reflects a third of the light, with a glass ball and a point light.
 fn glass_room() -> Scene {
     let mut parts = metal_room();
     parts.lights.push(point_light_over_plane().lights[0]);
@@ -26,7 +26,7 @@ fn glass_room() -> Scene {
     scene(parts)
 }
 
-/// Both ways have the means of a drawn one.
+/// Following both gives the mean of choosing one.
 #[test]
 fn agreement_of_paths_on_both_ways_with_drawn_ones() {
     let scene = glass_room();

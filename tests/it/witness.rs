@@ -1,4 +1,4 @@
-//! The witness of light that a picture lacks.
+//! The estimate of light missing from a picture.
 
 use super::support::render::scene;
 use opsr::Render;
@@ -28,7 +28,7 @@ fn settings(kind: IntegratorKind, seed: u64) -> Settings {
     }
 }
 
-/// Light that a picture of this number of samples misses.
+/// Estimate of the light missing from a picture of this number of samples.
 fn missing(scene: &Scene, settings: &Settings, side: u32, samples: u32) -> Option<Missing> {
     let view = view(scene, side);
     let mut picture = Picture::new(Film::new(view.sensor.frame));
@@ -36,7 +36,7 @@ fn missing(scene: &Scene, settings: &Settings, side: u32, samples: u32) -> Optio
     missing_light(&view, settings, &picture, samples)
 }
 
-/// Sunlight under water, of which `path` finds a quarter and `bdpt` half.
+/// Sunlight under water: `path` finds a quarter of it and `bdpt` half.
 #[test]
 fn witness_finds_light_that_an_integrator_lacks() {
     for (name, kind, samples) in [("sun-pool", Path, 400), ("sun-pool", Bdpt, 128)] {
@@ -66,7 +66,7 @@ fn globe() -> Scene {
     scene(parts)
 }
 
-/// Pictures that are too short for roughened paths.
+/// Renders too short for the search by roughened paths.
 #[test]
 fn photons_find_light_that_a_short_render_misses() {
     let scene = globe();
@@ -75,12 +75,12 @@ fn photons_find_light_that_a_short_render_misses() {
         let found = found.unwrap_or_else(|| panic!("seed {seed}"));
         assert!(found.share > 0.2 && found.finder == Vcm, "{found}");
     }
-    // Photons are no witness of themselves, and cost too much beside less.
+    // Photons cannot detect their own missing light, and cost too much for shorter renders.
     assert_eq!(missing(&scene, &settings(Vcm, 1), 48, 12), None);
     assert_eq!(missing(&scene, &settings(Path, 1), 48, 24), None);
 }
 
-/// A render that a user has stopped ends without looking for light.
+/// A stopped render ends without the search.
 #[test]
 fn photons_do_not_delay_a_stop() {
     let scene = globe();
@@ -95,7 +95,7 @@ fn photons_do_not_delay_a_stop() {
     assert_eq!(missing(), None);
 }
 
-/// The stated error counts what is missing. Levels find the light through roughened glass: nothing is missing from them.
+/// The stated error includes the missing light. Levels find the light through roughened glass and miss nothing.
 #[test]
 fn short_renders_state_what_photons_find() {
     let scene = globe();
@@ -115,7 +115,7 @@ fn short_renders_state_what_photons_find() {
     assert_eq!(levels.outcome.missing, None);
 }
 
-/// A program's own render says so too, and the file of its picture.
+/// Library renders report it too, and so does the image file.
 #[test]
 fn render_of_a_program_has_the_witness() {
     let scene = scene(builtin("sun-pool").expect("a scene"));
@@ -135,7 +135,7 @@ fn render_of_a_program_has_the_witness() {
     assert_eq!(said, Some(&*format!("{:.3}", missing.share)));
 }
 
-/// Pictures that have all light, to noise.
+/// Pictures that miss no light, within noise.
 const WHOLE: [(&str, IntegratorKind, u32); 12] = [
     ("caustic-box", Vcm, 100),
     ("three-boxes", Vcm, 100),
@@ -145,7 +145,7 @@ const WHOLE: [(&str, IntegratorKind, u32); 12] = [
     ("sun-through-pane", Path, 400),
     ("ring-under-lamp", Bdpt, 120),
     ("street-lamp", Path, 400),
-    // Beside photons.
+    // Renders for which photons search.
     ("glossy_corridor", Path, 120),
     ("sun-through-pane", Path, 120),
     ("street-lamp", Path, 120),

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 /// Folders of Rust sources.
 const SOURCES: [&str; 4] = ["src", "crates", "table/src", "python/src"];
 
-/// Pages for users: all of `docs` without the theory and its numerics.
+/// Pages of theory and numerics, exempt from the rules for the other pages of `docs`.
 const THEORY: [&str; 2] = ["method.md", "numerics.md"];
 
 /// A doc comment begins with a noun or a verb, not with a relative clause.
 const OPENINGS: [&str; 5] = ["What", "Whether", "How", "Of", "Those"];
 
-/// Phrases for which the field has a plain word, in comments and on pages for users: a number of, except, slow, after.
+/// Phrases with a plainer equivalent, in comments and on pages for users: a number of, except, slow, after.
 const DIALECT: [&str; 7] = [
     "so many",
     "as far as",
@@ -23,10 +23,10 @@ const DIALECT: [&str; 7] = [
     "what all else",
 ];
 
-/// Words of a sentence.
+/// Longest sentence, in words.
 const LONGEST: usize = 30;
 
-/// Words of the README, marks of tables and code included.
+/// Longest README, in words with marks of tables and code.
 const README: usize = 1200;
 
 fn files(folder: &Path, ending: &str, to: &mut Vec<PathBuf>) {

@@ -87,8 +87,7 @@ fn foreign_mappings_of_pbrt_are_coordinates_of_their_meshes() {
     use std::f32::consts::{PI, TAU};
     let plane = "planar\" \"vector3 v1\" [ 1 0 2 ] \"vector3 v2\" [ 0 -1 0 ] \"float udelta\" 0.5";
     let square = "trianglemesh\" \"point3 P\" [ -1 -1 0.5  2 -1 0  2 1 0  -1 1 0.5 ] \"integer indices\" [ 0 1 2 0 2 3 ]";
-    // Both are symmetric about the plane z = 0 of the texture's space, where edges that bend do not deviate in the
-    // middle.
+    // Both are symmetric about the plane z = 0 of the texture's space, where curved edges have exact midpoints.
     let tall = "cylinder\" \"float zmin\" -10.2 \"float zmax\" 9.8";
     let upright = "trianglemesh\" \"point3 P\" [ 1 -1 -1.2  1 1 -1.2  1 1 0.8  1 -1 0.8 ] \"integer indices\" [ 0 1 2 0 2 3 ]";
     let other = upright.replace("[ 0 1 2 0 2 3 ]", "[ 0 1 3 1 2 3 ]");

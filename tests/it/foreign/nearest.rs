@@ -153,8 +153,7 @@ fn materials_of_pbrt_3_are_read() {
     }
 }
 
-/// Version 3's amount is the first material's share, version 4's the second's; nested mixtures keep their heaviest
-/// parts.
+/// Version 3's amount is the first material's share, version 4's the second's; nested mixtures keep the heaviest.
 #[test]
 fn mixtures_have_their_shares() {
     let named = "MakeNamedMaterial \"red\" \"string type\" \"matte\" \"rgb Kd\" [1 0 0]\n\
@@ -401,8 +400,7 @@ pub(super) fn png(seed: u32, side: u32) -> Vec<u8> {
     crate::support::gltf::png(&picture.into())
 }
 
-/// Products and mixtures of two images are exact at every texel centre; with different coordinates they are not
-/// possible.
+/// Products and mixtures of two images are exact at texel centres; different coordinates make them impossible.
 #[test]
 fn images_are_multiplied_and_mixed() {
     let files = [("a.png", png(1, 8)), ("b.png", png(2, 8))];

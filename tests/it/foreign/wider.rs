@@ -226,8 +226,7 @@ fn foreign_lenses_by_their_surfaces_have_their_focal_length() {
             Unsupported::Nearest,
         )
     };
-    // A stop 5 mm in front of a ball of radius 10 mm and index 1.5: focal length n R / (2 (n − 1)). The stop is the
-    // pupil.
+    // A stop 5 mm before a ball of radius 10 mm and index 1.5: focal length n R / (2 (n − 1)). The stop is the pupil.
     let ball = "# a ball\n0 5 0 4\n10 20 1.5 20\n-10 30 1 20\n";
     let loaded = shot(
         ball,

@@ -132,7 +132,7 @@ fn textures_without_coordinates_get_a_warning() {
     assert!(warnings.iter().any(said), "{warnings:?}");
 }
 
-/// A closed ball and an open pane of one material without a thickness, and of one that says it has none.
+/// A closed ball and an open pane of a material without the thickness extension, and of one with a thickness of 0.
 #[test]
 fn load_closed_transmission_without_thickness() {
     let said = |body: Value| {
@@ -220,7 +220,7 @@ fn load_transmission_and_volume() {
     });
     let solid = with("volume", body);
     assert!(solid.solid && solid.absorption.x == 0.0 && solid.absorption.z.is_finite());
-    // After two units half of the green is left, and no blue.
+    // After two units half of the green and none of the blue remain.
     let left = (-2.0 * solid.absorption).exp();
     assert!((left.y - 0.5).abs() < 1e-6 && left.z < 1e-30);
     assert_eq!(
@@ -228,7 +228,7 @@ fn load_transmission_and_volume() {
         Rgb::ZERO
     );
     assert_eq!(with("ior", json!({ "ior": 1.33 })).ior, 1.33);
-    // An infinite index reflects everything.
+    // Index 0 stands for an infinite one, which reflects everything.
     let mirror = material(json!({ "extensions": {
         "KHR_materials_ior": { "ior": 0 },
         "KHR_materials_transmission": { "transmissionFactor": 1 },
@@ -252,7 +252,7 @@ fn load_specular_and_unlit() {
         (m.emission, m.base_color),
         (Rgb::new(0.1, 0.2, 0.3), Rgb::ZERO)
     );
-    // Its back is hidden, as that of any material that is not of two sides: outlines by turned hulls are unlit.
+    // Single-sided materials are invisible from behind, as unlit hulls that draw outlines require.
     assert!(m.is_lambert() && m.unlit && !m.double_sided);
 }
 
@@ -322,7 +322,7 @@ fn load_image_pixel_formats() {
         assert_eq!(texture.channels, channels);
         assert_eq!(texture.texels, texels);
     }
-    // JPEG, whatever the file calls it.
+    // A JPEG is read by its content, not by the MIME type of the file.
     let mut out = std::io::Cursor::new(Vec::new());
     let grey = RgbImage::from_pixel(8, 8, image::Rgb([128; 3]));
     grey.write_to(&mut out, image::ImageFormat::Jpeg)
@@ -360,10 +360,10 @@ fn load_texture_transforms() {
         let map = t.as_ref().expect("a texture").transform;
         map.transform_point2(Vec2::new(u, v))
     };
-    // Counter-clockwise as one sees it, v pointing down: right becomes up.
+    // Counter-clockwise in the picture, with v downward: right becomes up.
     let turned = at(&m.base_color_texture, 1.0, 0.0);
     assert!((turned - Vec2::new(0.0, -1.0)).length() < 1e-6, "{turned}");
-    // First scaled, then turned, then moved.
+    // Scale first, then rotation, then translation.
     for texture in [&m.metallic_roughness_texture, &m.normal_texture] {
         let moved = at(texture, 1.0, 1.0);
         assert!((moved - Vec2::new(3.5, -1.75)).length() < 1e-6, "{moved}");
@@ -409,7 +409,7 @@ fn load_punctual_lights() {
     ]}});
     let h = 0.5f64.sqrt();
     for i in 0..3 {
-        // Turned by 90° about x: what looked along -z looks along y.
+        // Rotated by 90° about x: -z becomes y.
         file.push(
             "nodes",
             json!({
@@ -424,7 +424,7 @@ fn load_punctual_lights() {
         matches!(lights[0], PunctualLight::Point { position, intensity, range }
         if position == at && intensity == Rgb::new(3.0, 1.5, 0.0) && range == 7.0)
     );
-    // A mirrored node turns its light round: the direction is its own -z.
+    // A mirrored node reverses its light: the direction is its own -z.
     assert!(
         matches!(lights[1], PunctualLight::Spot { position, direction, intensity, range, cos_inner, cos_outer, .. }
         if position == at && close(direction, Vec3::NEG_Y) && intensity == Rgb::ONE && range.is_infinite()
@@ -471,7 +471,7 @@ fn load_cameras() {
             "{ray:?}"
         );
         assert_eq!(mirrored.aspect, Some(1.5));
-        // Files that are written keep it.
+        // A written file has the same magnifications.
         let written = glb::to_glb(&file.loaded().parts).expect("a small file");
         let parts = File::from_glb(&written).loaded().parts;
         let again = parts.cameras.iter().find(|camera| camera.name == "plan");
@@ -485,12 +485,12 @@ fn load_cameras() {
     );
     let ray = turned.ray(Vec2::new(0.5, 0.5), 1.0);
     assert!(close(ray.origin, Vec3::new(1.0, 2.0, 3.0)) && close(ray.dir, Vec3::NEG_X));
-    // To the right of one who looks along -x is -z.
+    // To the right of the view direction -x is -z.
     let right = turned.ray(Vec2::new(1.0, 0.5), 1.0).dir;
     assert!(right.z < -0.5 && right.y.abs() < 1e-6);
 }
 
-/// A name with a bare `%` was not encoded: it is taken as it stands.
+/// A name with a bare `%` is not percent-encoded: it is used literally.
 #[test]
 fn load_images_with_a_bare_percent_in_their_name() {
     let folder = tempfile::tempdir().unwrap();
@@ -510,7 +510,7 @@ fn load_images_with_a_bare_percent_in_their_name() {
     assert_eq!(parts.textures[0].texel(1, 1), [1.0, 0.0, 0.0, 1.0]);
 }
 
-/// Texels of the filter NEAREST have edges, however large or small the image is; one of two uses of an image may have them.
+/// Texels of the filter NEAREST have sharp edges at any size, also if another texture filters the same image linearly.
 #[test]
 fn load_textures_of_the_nearest_texel() {
     let mut file = File::triangle();

@@ -1,4 +1,4 @@
-//! Every form of a mesh is the same mesh, and poses keep its front in front.
+//! Every form of a mesh gives the same mesh, and transforms keep its front outward.
 
 use super::{close, triangles};
 use crate::support::gltf::{File, floats, shorts};
@@ -16,7 +16,7 @@ fn volume(mesh: &Mesh) -> f32 {
     parts.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
 }
 
-/// The unit square in many forms; each is the same two triangles.
+/// The unit square in several topologies; each gives the same two triangles.
 #[test]
 fn load_mesh_topologies() {
     let strip = |file: &mut File| {
@@ -33,7 +33,7 @@ fn load_mesh_topologies() {
         let i = file.indices(&[2, 0, 1, 3]);
         json!({ "attributes": { "POSITION": p }, "indices": i, "mode": 6 })
     };
-    // A strip turned back on itself, and bytes for indices.
+    // A strip with a repeated vertex, and 8-bit indices.
     let stitched = |file: &mut File| {
         let p = file.floats("VEC3", &SQUARE);
         let view = file.view(&[0, 1, 2, 3, 3]);
@@ -155,7 +155,7 @@ fn load_quantised_attributes() {
     assert_eq!(mesh.uvs[0], glam::Vec2::new(0.0, 4096.0));
 }
 
-/// A closed ball with a node above it; what comes out must be closed and face outward.
+/// A closed ball on a node with a parent; the loaded mesh must be closed and face outward.
 fn ball(outer: Value, inner: Value) -> Mesh {
     let ball = shapes::sphere(Vec3::new(0.2, 0.0, 0.1), 1.0, 2);
     let mut parts = SceneParts::default();
@@ -215,7 +215,7 @@ fn load_node_transforms_keep_the_winding() {
             }
         }
     }
-    // A flattened ball still shades as a disc.
+    // A ball with scale 0 along z still has the normals of a disc.
     let flat = ball(json!({ "scale": [1, 1, 0] }), json!({}));
     assert!(
         flat.normals
@@ -226,7 +226,7 @@ fn load_node_transforms_keep_the_winding() {
 
 #[test]
 fn load_matrix_and_trs_transforms_agree() {
-    // 90° about y, then twice as large, then moved.
+    // 90° about y, then scaled by 2, then translated.
     let h = 0.5f64.sqrt();
     let parts = json!({ "rotation": [0, h, 0, h], "scale": [2, 2, 2], "translation": [1, 2, 3] });
     let matrix = json!({ "matrix": [0, 0, -2, 0, 0, 2, 0, 0, 2, 0, 0, 0, 1, 2, 3, 1] });
@@ -247,12 +247,12 @@ fn load_tangents_keep_their_handedness() {
     });
     file.json["nodes"][0]["scale"] = json!([1, -2, 1]);
     let mesh = &file.loaded().parts.meshes[0];
-    // The bitangent n × t · w goes where y went.
+    // The bitangent n × t · w is transformed as y is.
     let bitangent = mesh.normals[0].cross(mesh.tangents[0].truncate()) * mesh.tangents[0].w;
     assert!(close(bitangent, Vec3::NEG_Y) && close(mesh.normals[0], Vec3::Z));
 }
 
-/// An accessor of neither bytes nor overrides is of zeros, as exporters write shape keys that move nothing.
+/// An accessor with neither buffer view nor overrides is all zeros; exporters write unused shape keys so.
 #[test]
 fn load_accessors_without_bytes_as_zeros() {
     let mut file = File::triangle();

@@ -14,7 +14,7 @@ use opsr_lab::gallery::{self, glb};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// The scene of a file at this many seconds.
+/// Loads the scene of a file at a time.
 fn at(file: &File, seconds: f64) -> Loaded {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.gltf");
@@ -41,7 +41,7 @@ fn animate(file: &mut File, times: &[f32], output: usize, kind: &str, target: Va
     );
 }
 
-/// A file of one animation for each action, as Blender writes by default: all play, and the first of each property counts.
+/// A file with one animation per action, as Blender writes: all play, and the first channel of each property counts.
 #[test]
 fn animation_of_several_actions_is_named() {
     let mut file = File::triangle();
@@ -62,7 +62,7 @@ fn animation_of_several_actions_is_named() {
     assert_eq!(moved.warnings, [nodes, "animations: all 15 play at once"]);
 }
 
-/// Objects of a studio move over a floor that stays where it is at rest.
+/// The studio's floor stays where the scene at rest puts it, while objects move.
 #[test]
 fn floor_of_the_studio_stays_at_every_moment() {
     let mut file = File::triangle();
@@ -91,7 +91,7 @@ fn floor_of_the_studio_stays_at_every_moment() {
         assert!(moved.scene.bounds().0.y >= 5.0, "{at}");
     }
     assert!(floor(&rest).iter().all(|p| p.y < 0.0 && p.y > -0.01));
-    // What moves cameras alone, or is not asked for, is read once.
+    // Only an animation of more than cameras, at a requested time, needs the scene at rest too.
     assert!(file.loaded().rest.is_none() && at(&file, 1.0).rest.is_some());
 }
 
@@ -107,7 +107,7 @@ fn animation_of_translations_steps_and_interpolates() {
         let mut file = File::triangle();
         let output = file.floats("VEC3", &[a.to_array(), b.to_array()].concat());
         animate(&mut file, &[1.0, 3.0], output, kind, target.clone());
-        // Before the first keyframe and after the last, theirs.
+        // Before the first keyframe and after the last, the value of that keyframe.
         for (seconds, expected) in [(-1.0, a), (1.0, a), (1.5, middle), (3.0, b), (9.0, b)] {
             let got = corner(&file, seconds);
             assert!((got - expected).length() < 1e-6, "{kind} {seconds}: {got}");
@@ -139,7 +139,7 @@ fn animation_of_translations_steps_and_interpolates() {
 #[test]
 fn animation_of_rotations_takes_the_shorter_arc() {
     let half = 0.5f32.sqrt();
-    // A quarter turn about z, its quaternion negated: the same rotation.
+    // A quarter turn about z, and the same rotation by the negated quaternion.
     for sign in [1.0, -1.0] {
         let mut file = File::triangle();
         let keys = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, sign * half, sign * half];
@@ -152,7 +152,7 @@ fn animation_of_rotations_takes_the_shorter_arc() {
     }
 }
 
-/// A film opens a scene once where its animations move cameras alone.
+/// A film opens its scene once if the animations move cameras alone; the loader reports if they do.
 #[test]
 fn animation_of_cameras_alone_is_told() {
     let file = |below: Option<Value>| {
@@ -160,7 +160,7 @@ fn animation_of_cameras_alone_is_told() {
         let lens = json!({ "yfov": 1, "znear": 0.1 });
         let camera = json!({ "type": "perspective", "perspective": lens });
         file.push("cameras", camera);
-        // A rig that moves, with the camera below it, and something else.
+        // A moving rig, with the camera and another node below it.
         let camera = file.push("nodes", json!({ "camera": 0, "translation": [0, 0, 1] }));
         let mut rig = vec![camera];
         rig.extend(below.map(|node| file.push("nodes", node)));
@@ -182,7 +182,7 @@ fn animation_of_cameras_alone_is_told() {
     let joint = skinned.json["nodes"].as_array().expect("nodes").len() - 2;
     skinned.push("skins", json!({ "joints": [joint] }));
     assert!(!told(&skinned));
-    // Cameras at a moment are those of the scene at that moment.
+    // `cameras_at` returns the cameras of the scene opened at the same time.
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.gltf");
     std::fs::write(&path, alone.gltf()).expect("a file");
@@ -265,7 +265,7 @@ fn skins_move_vertices_with_their_joints() {
     );
     file.primitive()["attributes"]["JOINTS_0"] = json!(joints);
     file.primitive()["attributes"]["WEIGHTS_0"] = json!(weights);
-    // The second joint is bound at (0, 1, 0) and stands there at rest; the node's own pose does not count.
+    // The second joint is bound at (0, 1, 0), its position at rest; the pose of the mesh's node does not count.
     let mut bind = [0.0f32; 32];
     for i in 0..4 {
         (bind[5 * i], bind[16 + 5 * i]) = (1.0, 1.0);
@@ -368,8 +368,8 @@ fn animations_that_are_broken_are_refused_by_place() {
     }
 }
 
-/// Twelve frames of a caustic whose glass moves: with a table the energy of the picture follows that of plain path tracing
-/// from frame to frame. The bias of the table may drift, but may not flicker.
+/// Twelve frames of a caustic with moving glass: with a table the energy follows that of plain path tracing from frame
+/// to frame. The bias of the table may drift, but not flicker.
 #[test]
 fn animation_with_a_table_is_stable_in_time() {
     let parts = gallery::caustic_box();

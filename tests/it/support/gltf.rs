@@ -1,4 +1,4 @@
-//! Makes glTF files by hand, for tests of the loader.
+//! Constructs glTF files for tests of the loader.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -35,7 +35,7 @@ fn width(kind: &str) -> usize {
 }
 
 impl File {
-    /// A file with nothing in it.
+    /// An empty file.
     pub(crate) fn new() -> Self {
         let json = json!({ "asset": { "version": "2.0" } });
         Self {
@@ -44,7 +44,7 @@ impl File {
         }
     }
 
-    /// The file that a `.glb` file is, which must be a good one.
+    /// Parses a valid `.glb` file.
     pub(crate) fn from_glb(glb: &[u8]) -> Self {
         let length = u32::from_le_bytes(glb[12..16].try_into().expect("four bytes")) as usize;
         let mut json: Value = serde_json::from_slice(&glb[20..20 + length]).expect("JSON");
@@ -70,7 +70,7 @@ impl File {
         })
     }
 
-    /// Appends to a list; the answer is the new index.
+    /// Appends to a list and returns the index.
     pub(crate) fn push(&mut self, list: &str, value: Value) -> usize {
         let entry = &mut self.json[list];
         if entry.is_null() {
@@ -106,7 +106,7 @@ impl File {
         self.push("accessors", accessor)
     }
 
-    /// Appends a picture as an image in the buffer, and a texture of it.
+    /// Appends an image in the buffer, and a texture that uses it.
     pub(crate) fn texture(&mut self, picture: &image::DynamicImage) -> usize {
         let view = self.view(&png(picture));
         let image = self.push(
@@ -153,12 +153,11 @@ impl File {
         out
     }
 
-    /// Loads it.
     pub(crate) fn load(&self) -> Result<Loaded, FileError> {
         load_bytes(&self.gltf())
     }
 
-    /// Loads it; it must be good.
+    /// Loads the file; panics on an error.
     pub(crate) fn loaded(&self) -> Loaded {
         self.load().unwrap_or_else(|e| panic!("{e}"))
     }
@@ -180,7 +179,7 @@ pub(crate) fn crc32(bytes: &[u8]) -> u32 {
     })
 }
 
-/// Loads the bytes of a file that has no others beside it.
+/// Loads a file without other files beside it.
 pub(crate) fn load_bytes(bytes: &[u8]) -> Result<Loaded, FileError> {
     let folder = tempfile::tempdir().expect("a folder");
     load_in(folder.path(), "scene.gltf", bytes)

@@ -1,4 +1,4 @@
-//! Instruments that several tests share.
+//! Tools of several tests.
 
 pub(crate) mod gltf;
 pub(crate) mod render;
@@ -13,7 +13,7 @@ pub(crate) fn root() -> &'static Path {
     package.ancestors().nth(2).expect("crates/cli")
 }
 
-/// A folder for many small files, in memory where the system has a place for that.
+/// A folder for many small files, in memory if the system has /dev/shm.
 pub(crate) fn quick_folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir());
     folder.expect("a folder")

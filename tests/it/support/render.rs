@@ -8,7 +8,7 @@ use opsr::sampler::{Independent, Seed};
 use opsr::scene::{Scene, SceneParts};
 use std::ops::Range;
 
-/// A film of the scene's first camera.
+/// A film through the scene's first camera.
 pub(crate) fn film(scene: &Scene, rule: Rule, size: u32, spp: u32, seed: u64) -> Film {
     let settings = Settings {
         rule,
@@ -31,7 +31,7 @@ pub(crate) fn film_with(scene: &Scene, settings: &Settings, size: u32, spp: u32)
     picture.film
 }
 
-/// A square film of path tracing with these settings and independent samples, on the ways through glass that are drawn.
+/// A square film of path tracing with independent samples and random reflection or refraction at smooth glass.
 pub(crate) fn drawn(scene: &Scene, settings: &Settings, size: u32, spp: u32) -> Film {
     drawn_samples(scene, settings, size, 0..spp)
 }
@@ -44,7 +44,7 @@ fn drawn_samples(scene: &Scene, settings: &Settings, size: u32, samples: Range<u
     film
 }
 
-/// The same whose samples are the means of as many samples.
+/// The same, with samples that are means of `each` samples.
 pub(crate) fn drawn_means(
     scene: &Scene,
     settings: &Settings,
@@ -80,7 +80,7 @@ pub(crate) fn mean(film: &Film) -> (f64, f64) {
     (sum(&means) / n, sum(&variances).sqrt() / n)
 }
 
-/// A film of a picture that is known exactly: two equal samples in every pixel.
+/// A noiseless film of a picture: two equal samples in every pixel.
 pub(crate) fn without_noise(picture: &Buffer) -> Film {
     let mut film = Film::new(UVec2::new(picture.width as u32, picture.height as u32));
     for (i, &value) in picture.pixels.iter().enumerate() {

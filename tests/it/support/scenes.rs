@@ -1,4 +1,4 @@
-//! Scenes of a few surfaces whose picture is known.
+//! Scenes of a few surfaces with a known picture.
 
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
@@ -27,8 +27,8 @@ pub(crate) fn point_light_over_plane() -> SceneParts {
     parts
 }
 
-/// A slab of glass (index 1.5, roughness `alpha`) across the view of a wall of radiance 1. A smooth one transmits
-/// (1 − R)/(1 + R) = 0.923 at normal incidence, where R = 0.04; nothing else is in the scene.
+/// A slab of glass (index 1.5, roughness `alpha`) between the camera and a wall of radiance 1. A smooth one transmits
+/// (1 − R)/(1 + R) = 0.923 at normal incidence, where R = 0.04.
 pub(crate) fn glass_slab(alpha: f32) -> SceneParts {
     let mut parts = SceneParts::default();
     parts.add(
@@ -50,8 +50,8 @@ pub(crate) fn glass_slab(alpha: f32) -> SceneParts {
     parts
 }
 
-/// Two mirrors face each other a unit apart; the camera looks at 45° along the gap, at whose far end a wall of
-/// radiance 1 stands: eight reflections on the way. Perfect mirrors (f0 = 1, α = 0) show it with radiance 1.
+/// Two mirrors face each other a unit apart; the camera looks at 45° along the gap to a wall of radiance 1 at its far
+/// end, over eight reflections. Perfect mirrors (f0 = 1, α = 0) show it with radiance 1.
 pub(crate) fn two_mirrors(f0: f32, alpha: f32) -> SceneParts {
     let mut parts = SceneParts::default();
     let (x, z) = (Vec3::X * 10.0, Vec3::Z * 20.0);

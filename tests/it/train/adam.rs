@@ -26,8 +26,8 @@ impl Adam {
     }
 }
 
-/// Gradient of a class in a step: scales from 1e-7 to 1, changes of size and of sign. The first six steps go up for half of the
-/// classes, beyond the end of the interval, and the others bring them back.
+/// Gradient of a class in a step: scales from 1e-7 to 1, changes of size and of sign. The first six steps move half of
+/// the classes up, beyond the end of the interval, and later ones move them back.
 fn gradient(class: usize, step: usize) -> f64 {
     let scale = 10f64.powi(-((class % 8) as i32));
     let size = [1.0, 0.1, 3.0, 0.01, 2.0, 0.5][step % 6];
@@ -78,7 +78,7 @@ fn steps_are_those_of_adam() {
     }
 }
 
-/// The first step of Adam is the rate, whatever the gradient: 5·10⁻⁴ by default, as in the paper.
+/// The first step of Adam equals the learning rate for any gradient: 5·10⁻⁴ by default, as in the paper.
 #[test]
 fn default_rate_is_that_of_the_paper() {
     let config = Config {

@@ -1,5 +1,5 @@
-//! An evaluation of the loss that has no recording: paths are traced anew, with the table of the step, at every call. It is
-//! slow, and the measure of the other evaluations.
+//! An evaluation of the loss without a recording: every call traces new paths with the table of the step. It is slow,
+//! and the reference for the other evaluations.
 
 use super::crop;
 use opsr::regularise::{AttenuationTable, LEN, Lookup, Rule};
@@ -13,7 +13,7 @@ use opsr_train::record::visits::Visits;
 use opsr_train::{Config, RecordingControl, Session};
 use std::ops::ControlFlow;
 
-/// Traces a crop at every call.
+/// Traces new paths at every call.
 struct Fresh {
     crop: Crop,
     spp: u32,
@@ -35,10 +35,10 @@ impl Fresh {
         }
     }
 
-    /// Paths of the call with this number.
+    /// Paths of a numbered call.
     fn trace(&self, table: &AttenuationTable, number: u64) -> Replay {
         let rule = Rule::with_table(table.clone());
-        // The recording of a training has number 0.
+        // The recording of a training uses number 0.
         let seed = self.seed.derive(Domain::Recording, 1 + number);
         let recording = self.crop.record_with(rule, self.spp, seed);
         Replay::new(recording.expect("a recording"))
@@ -71,8 +71,8 @@ fn mean(numbers: &[f64]) -> (f64, f64) {
     (mean, (square / (n * (n - 1.0))).sqrt())
 }
 
-/// Gradients of recordings, which are drawn at a few constants, are in the mean those of paths drawn at the table itself:
-/// by the factors of each length of path.
+/// Gradients of recordings at a few constant factors have the mean of those of paths traced with the table itself, per
+/// path length.
 #[test]
 fn gradients_of_recordings_agree_with_fresh_paths() {
     const CALLS: u64 = 48;
@@ -119,7 +119,7 @@ fn gradients_of_recordings_agree_with_fresh_paths() {
     }
 }
 
-/// Adam goes down the loss of fresh paths as down that of a recording.
+/// Adam lowers the loss of fresh paths as it does that of a recording.
 #[test]
 fn learning_from_fresh_paths_lowers_the_loss() {
     let crop = crop(6);

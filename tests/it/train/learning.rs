@@ -1,4 +1,4 @@
-//! Whole trainings of a second: learning, determinism, resumption.
+//! Complete trainings of a second: learning, determinism, resumption.
 
 use super::crop;
 use crate::support::root;
@@ -52,7 +52,7 @@ fn determinism_of_tables_at_any_thread_count() {
 
 #[test]
 fn resume_gives_bit_identical_tables() {
-    // From a given factor, and from the best constant, which is searched for again.
+    // From a given factor, and from the best constant, which a resumed training searches again.
     for (method, start) in [
         (Evaluation::Replay, 0.5),
         (Evaluation::Tabulated, 0.5),
@@ -84,7 +84,7 @@ fn resume_gives_bit_identical_tables() {
     }
 }
 
-/// The search for the best constant of the second β does not depend on that of the first.
+/// The best constant for the second β is independent of the search for the first.
 #[test]
 fn determinism_of_a_beta_alone_and_after_another() {
     for method in [Evaluation::Replay, Evaluation::Tabulated] {
@@ -114,8 +114,8 @@ fn determinism_of_a_beta_alone_and_after_another() {
     }
 }
 
-/// A training of a second on a shipped scene gives the very table that it gave when those of `params/` were learned. Where it does
-/// not, they are no longer what this program learns: learn them anew, and this one.
+/// A short training on a shipped scene gives the very table that it gave at the time of those in `params/`. If it
+/// differs, they are outdated: train them again, and store the new table here.
 #[test]
 fn shipped_tables_are_those_of_this_program() {
     let config = Config {
@@ -163,7 +163,7 @@ fn learning_recovers_a_known_factor() {
         ..Config::default()
     };
     let truth = AttenuationTable::constant(TRUTH);
-    // The paths that the session records, so that the loss can reach 0.
+    // The same paths as the session records, so that the loss can reach 0.
     let seed = Seed(config.seed).derive(Domain::Recording, 0);
     let recording = exact.record(&[TRUTH], 0.0, config.spp, seed).unwrap();
     exact.reference = Replay::new(recording).moments(&truth).mean;
@@ -178,7 +178,7 @@ fn learning_recovers_a_known_factor() {
         "{last} of {}",
         outcome.log[0].loss
     );
-    // Weighted by events per class: a rare class hardly changes its pixels and may stay where it was.
+    // Weighted by events per class: a rare class hardly changes its pixels and may keep its start.
     let (mut sum, mut visits) = (0.0, 0.0);
     for (gamma, &n) in outcome
         .table

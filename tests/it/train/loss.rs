@@ -67,7 +67,7 @@ fn gradient_of_the_loss_by_scalars_is_bit_identical_to_autodiff() {
             mean: (0..1024).map(|_| [0; 3].map(|_| number())).collect(),
             second: (0..1024).map(|_| number()).collect(),
         };
-        // Pixels without error, where the derivative jumps, and black pixels.
+        // Pixels without error, at the jump of the derivative, and black pixels.
         moments.mean[..32].copy_from_slice(&target.reference[..32]);
         moments.mean[32..64].fill([0.0; 3]);
         moments.second[32..64].fill(0.0);
@@ -85,7 +85,7 @@ fn gradient_of_the_loss_by_scalars_is_bit_identical_to_autodiff() {
                 assert_eq!(pair.0, pair.1, "{beta}: pixel {p}");
             }
             assert!(autodiff.second == scalar.second, "{beta}");
-            // The order of the sum differs.
+            // The order of summation differs.
             assert!(
                 (scalar_loss - autodiff_loss).abs() <= 1e-5 * autodiff_loss.abs(),
                 "{beta}"

@@ -1,4 +1,4 @@
-//! Files that are dropped onto the page: who may open them, what is refused, and that nothing of them stays.
+//! Files dropped onto the page: access, refusals, and removal of their copies.
 
 use super::{Answer, Running, read};
 use crate::support::gltf::File;
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 const KIND: &str = "Content-Type: application/octet-stream\r\n";
 
-/// Files as the page sends them.
+/// The body of a request with files.
 fn message(files: &[(&str, &[u8])]) -> Vec<u8> {
     let list = files.iter();
     let list = list.map(|(name, bytes)| json!({ "name": name, "size": bytes.len() }));
@@ -40,14 +40,14 @@ fn scene() -> Vec<u8> {
     glb::to_glb(&gallery::caustic_box()).expect("a scene")
 }
 
-/// A scene whose buffer is a file of this name.
+/// A scene whose buffer has this URI, and the buffer.
 fn naming(uri: &str) -> (Vec<u8>, Vec<u8>) {
     let mut file = File::from_glb(&scene());
     file.json["buffers"] = json!([{ "byteLength": file.bytes.len(), "uri": uri }]);
     (file.json.to_string().into_bytes(), file.bytes)
 }
 
-/// A dropped scene is shown in place of the last one, by a name that is no path; its folder is gone with it, and with the viewer.
+/// A dropped scene replaces the last one, under a name without a path; its folder is deleted with it or the viewer.
 #[test]
 fn view_opens_dropped_files() {
     let viewer = Running::new(&[]);
@@ -70,7 +70,7 @@ fn view_opens_dropped_files() {
         assert_eq!(answer.status, 200, "{}", answer.text());
         viewer.until(|now| now["state"]["run"] != head["state"]["run"]);
         let (head, pixels) = viewer.done();
-        // The same scene from the camera of the file.
+        // The same scene from the file's camera.
         assert!(pixels == first, "{name}");
         assert_ne!(head["state"]["scene"], before["state"]["scene"]);
         let facts = viewer.json("facts");
@@ -108,8 +108,8 @@ fn view_opens_dropped_files() {
     assert!(!own.exists() && all.is_some_and(|all| !all.exists()));
 }
 
-/// Files of whoever may not ask are refused before they are read, others if they are too long, wrong, or lead elsewhere; what was shown
-/// stays as it was.
+/// Files of clients without access are refused unread; others if they are too long, invalid, or refer to other folders.
+/// The displayed scene stays.
 #[test]
 fn view_refuses_dropped_files() {
     let viewer = Running::new(&[]);
@@ -194,7 +194,7 @@ fn view_refuses_dropped_files() {
     }
 }
 
-/// Files of one page at a time: the memory that they take is bounded. One that stalls makes way.
+/// One upload at a time bounds the memory; a closed connection frees the place.
 #[test]
 fn view_takes_the_files_of_one_page_at_a_time() {
     let viewer = Running::new(&[]);

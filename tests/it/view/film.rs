@@ -1,4 +1,4 @@
-//! Animations that run on the page: each frame is the render of its moment, and better ones take its place.
+//! Animations on the page: each frame is a render at its time, and better renders replace it.
 
 use super::{Running, colours, spec};
 use crate::support::gltf::File;
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 const FRAMES: usize = 6;
 
-/// A caustic box whose camera comes nearer in a quarter of a second.
+/// A caustic box whose camera moves nearer in a quarter of a second.
 fn moving() -> Vec<u8> {
     let mut file = File::from_glb(&glb::to_glb(&gallery::caustic_box()).expect("a scene"));
     let nodes = file.json["nodes"].as_array().expect("nodes");
@@ -18,7 +18,7 @@ fn moving() -> Vec<u8> {
     let camera = camera.expect("a camera");
     let place = |i: usize| nodes[camera]["matrix"][i].as_f64().expect("a number") as f32;
     let from = [0.0, place(13), place(14)];
-    // It looks along -z of its own.
+    // A camera looks along its own -z.
     let lens = nodes[camera]["camera"].clone();
     file.json["nodes"][camera] = json!({ "camera": lens });
     let times = file.floats("SCALAR", &[0.0, 0.25]);
@@ -92,8 +92,8 @@ fn difference(a: &[u8], b: &[u8]) -> u64 {
     pairs.map(|(a, b)| u64::from(a.abs_diff(*b))).sum()
 }
 
-/// The first frames are renders of their moments with two samples, the last ones are nearer to the truth; frames are kept while the
-/// animations stand still, and made anew where something else changes.
+/// The first round renders frames with two samples, later rounds converge. Frames are kept while the animation is
+/// paused, and rendered again after other changes.
 #[test]
 fn view_runs_animations() {
     let viewer = Running::of(
@@ -132,11 +132,11 @@ fn view_runs_animations() {
             let words = words.replace("--seed 0 ", "");
             assert!(command.contains(&words), "{command}");
         }
-        // A page that is slow misses frames that were replaced.
+        // A slow page misses replaced frames.
         let Some((head, first)) = of(frame, 0) else {
             continue;
         };
-        // A slow machine begins with fewer pixels.
+        // A slow machine starts with fewer pixels.
         let size = &head["size"];
         let own = rendered(&viewer, frame, 2, "path", size);
         assert_eq!(head["samples"], 2);
@@ -150,7 +150,7 @@ fn view_runs_animations() {
     }
     assert!(seen == 0 || 2 * errors[1] < errors[0], "{seen}: {errors:?}");
 
-    // Another exposure shows all of them anew, and renders none.
+    // Another exposure sends all frames again without rendering.
     viewer.play(&json!({ "options": { "exposure": 2 } }));
     let brighter = viewer.changes(3, &mut film, &mut change);
     assert_eq!(brighter.len(), FRAMES);
@@ -167,17 +167,17 @@ fn view_runs_animations() {
     });
     let command = head["state"]["command"].as_str().expect("a command");
     assert!(command.contains("--at '3@24'"), "{command}");
-    // The camera of the file moves with it.
+    // The file's camera moves with the animation.
     let look = head["state"]["look"].clone();
     viewer.play(&json!({ "options": { "at": "5@24" } }));
     viewer.until(|head| head["state"]["look"] != look && head["state"]["look"].is_object());
 
-    // Nothing has changed: the frames are there.
+    // Without changes the frames are kept.
     viewer.play(&json!({ "playing": true }));
     let (head, _) = viewer.until(|head| head["state"]["phase"] == "playing");
     assert_eq!(head["state"]["film"]["number"], film);
     assert_eq!(head["state"]["film"]["kept"], FRAMES);
-    // Another camera has other frames.
+    // Another camera invalidates the frames.
     let mut turned = look.clone();
     turned["position"][0] = json!(0.4);
     viewer.play(&json!({ "look": turned }));
@@ -188,7 +188,7 @@ fn view_runs_animations() {
     viewer.until(|head| head["state"]["film"].is_null() && head["state"]["phase"] == "done");
 }
 
-/// A file without animations has nothing to play.
+/// A file without animations cannot play.
 #[test]
 fn view_plays_no_file_without_animations() {
     let viewer = Running::new(&[]);
