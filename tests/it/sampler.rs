@@ -153,7 +153,7 @@ fn variance_between_batches_of_sobol_samples_is_honest() {
     }
 }
 
-/// Raw means of estimators with light paths have independent samples: the variance of their film is that of the picture.
+/// Raw means of estimators with light paths have independent samples: the film's variance is that of the picture.
 #[test]
 fn variance_of_raw_means_with_light_paths_is_honest() {
     for settings in with_light_paths(SamplerKind::Sobol, 9) {

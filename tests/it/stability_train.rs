@@ -1,4 +1,4 @@
-//! Hard numerical case 15, in the trainer: gradients that are not finite, fireflies, factors at their bounds, black crops.
+//! Hard numerical case 15, in the trainer: non-finite gradients, fireflies, factors at their bounds, black crops.
 
 use crate::train::crop;
 use opsr::regularise::{AttenuationTable, LEN};
@@ -56,7 +56,7 @@ impl MomentSource for Faulty {
 fn learn(steps: u32, fault: Fault, folder: Option<&Path>) -> Result<Outcome, TrainError> {
     let mut config = quick(Evaluation::Replay);
     config.steps = steps;
-    // A validation asks for the moments too.
+    // A validation computes the moments, too.
     config.validate_every = 1000;
     let crop = crop(6);
     let recording = crop.record(&config.record_gammas, config.roulette, config.spp, Seed(1))?;

@@ -22,7 +22,7 @@ use opsr_train::record::event::MeanAndSquare;
 use opsr_train::record::recording::{Recording, Tape};
 use opsr_train::record::target::EPSILON;
 
-/// A small crop of a box with glass and copper, with its reference.
+/// A small crop of a box with glass and copper, with a reference at a known factor.
 pub(crate) fn crop(edge: u32) -> Crop {
     crop_of(caustic_box(), edge).unwrap()
 }

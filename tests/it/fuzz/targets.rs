@@ -431,7 +431,7 @@ pub(crate) fn exr() -> Target {
         seeds: seeds::exr(),
         repair: repair::nothing,
         read: |path| {
-            // A file without the channels of a film or of a picture is accepted, and the summary says so.
+            // A file without the channels of a film or of a picture is accepted, and the summary states it.
             let error_of = |r: Result<(), FileError>| {
                 let name = path.display().to_string();
                 let message = r.map_or_else(|e| e.to_string(), |()| name.clone());

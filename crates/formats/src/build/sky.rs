@@ -97,7 +97,8 @@ fn lat_long(map: &Buffer, dir: DVec3, between: bool) -> Rgb {
     line(0).lerp(line(1), fy)
 }
 
-/// The square of a direction, [0, 1]² (Clarberg: *Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD*, 2008; `[PBRT4 §3.8.3]`).
+/// Equal-area map of a direction to [0, 1]² (Clarberg: *Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD*, 2008;
+/// `[PBRT4 §3.8.3]`).
 fn square(dir: DVec3) -> [f64; 2] {
     let (x, y, z) = (dir.x.abs(), dir.y.abs(), dir.z.abs());
     let r = (1.0 - z).max(0.0).sqrt();

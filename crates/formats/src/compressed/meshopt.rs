@@ -1,6 +1,6 @@
 //! `EXT_meshopt_compression` and its successor `KHR_meshopt_compression` [Khronos, text of the extension; appendix A
 //! has the bit stream, appendix B the filters]. The crate `meshopt` binds the C++ library and so needs more than a Rust
-//! toolchain; a port in Rust lacks version 1 of the stream.
+//! toolchain; a port in Rust has no version 1 of the stream.
 
 use super::{bytes, number};
 use gltf::json::{Index, Root};
