@@ -61,7 +61,7 @@ fn over_seeds(scene: &Scene, estimator: Estimator, size: (Place, u32)) -> (DVec3
     (means.sample_variance(), stated, by_pixels)
 }
 
-/// 17 samples, more than one batch of 16.
+/// 17 samples: one of the 16 batches has two of them.
 #[test]
 fn stated_error_of_the_mean_is_the_true_one() {
     let frame = UVec2::splat(12);

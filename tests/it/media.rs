@@ -383,7 +383,7 @@ fn bdpt_agrees_with_path_in_media() {
     }
 }
 
-/// Lights without area in a medium, at distances down to nearly 0.
+/// A light without area in a medium.
 #[test]
 fn bdpt_agrees_with_path_on_spots_in_fog() {
     let mut parts = SceneParts {

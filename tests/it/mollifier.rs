@@ -61,7 +61,7 @@ fn mollifier_leaves_findable_light_bit_identical() {
     }
 }
 
-/// The image of thousands of point lights through water has the energy of small balls that path tracing finds.
+/// The mirror image of thousands of point lights in water has the energy of small balls that path tracing finds.
 #[test]
 fn mollifier_shows_a_panel_of_lights_over_water() {
     let of = |name: &str| scene(builtin(name).expect("a scene"));

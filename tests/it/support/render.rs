@@ -44,7 +44,7 @@ fn drawn_samples(scene: &Scene, settings: &Settings, size: u32, samples: Range<u
     film
 }
 
-/// The same, with samples that are means of `each` samples.
+/// A film as [`drawn`] makes it, whose samples are means of `each` samples.
 pub(crate) fn drawn_means(
     scene: &Scene,
     settings: &Settings,

@@ -62,7 +62,7 @@ pub struct Deviation {
 pub struct Scale {
     /// Number of comparisons.
     pub tests: usize,
-    /// The smallest chance at which a comparison passes.
+    /// The smallest chance (p-value) at which a comparison passes.
     pub threshold: f64,
     /// The comparison with the least chance; none if there was nothing to compare.
     pub worst: Option<Deviation>,
@@ -290,7 +290,7 @@ impl Estimates {
         self.squares += other.squares;
     }
 
-    /// Bound on the chance of the sum of differences in a channel, given their squares; 0 for too few pixels.
+    /// Bound on the p-value of the sum of differences in a channel, given their squares; 0 for too few pixels.
     fn by_signs(&self, channel: usize) -> f64 {
         if self.pixels < SIGNS || self.squares[channel] == 0.0 {
             return 0.0;
@@ -383,7 +383,7 @@ fn compare(a: &Film, b: &Film) -> Agreement {
     }
 }
 
-/// Judges each place by the estimate with the larger chance.
+/// Judges each place by the estimate with the larger p-value.
 fn scale(places: &[(Window, Estimates, Estimates)]) -> Scale {
     let less_certain = |(x, y): (Deviation, Deviation)| if x.p >= y.p { x } else { y };
     let deviations = places.iter().flat_map(|(window, own, around)| {

@@ -15,7 +15,7 @@ const BATCH: u32 = 64;
 /// Fault that is planted on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// The density of the reverse draw: pdf(wi, wo) in place of pdf(wo, wi).
+    /// The density of the reverse sample: pdf(wi, wo) in place of pdf(wo, wi).
     SwappedDensity,
     /// Refraction that does not scale radiance by 1/η².
     MissingEta2,
