@@ -248,7 +248,7 @@ impl Scene {
         if open.len() as f64 > (1.0 - WALLS) * f64::from(LOOKS) {
             return None;
         }
-        // 90 % of the expected number of rays in the spherical cap of a side: with so many free, the side is open.
+        // 90 % of the expected number of rays in the spherical cap of a side: with that number free, the side is open.
         let least = 0.9 * 0.5 * (1.0 - OPEN) * LOOKS as f32;
         [DVec3::Z, DVec3::X, DVec3::NEG_X, DVec3::NEG_Z]
             .into_iter()

@@ -9,7 +9,7 @@ use crate::math::{Rgb, Vec3};
 use crate::sampler::Sampler;
 use crate::scene::{EmissionDensity, EmissionSample, Scene};
 
-/// How a walk continues from a vertex.
+/// Continuation of a walk from a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Onward {
     /// By a draw from a non-Dirac lobe.
@@ -32,7 +32,7 @@ impl Onward {
     }
 }
 
-/// How a walk of photon density estimation continues from a vertex.
+/// Continuation of a walk of photon density estimation from a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Sharp {
     /// Along a direction of this density per steradian: 0 for a Dirac lobe.
