@@ -1,4 +1,4 @@
-//! Gaussian filters that stop at edges of what a path has met.
+//! Gaussian filters that stop at the edges of the surfaces that paths hit.
 
 use super::filter::Size;
 use super::layer::Batches;
@@ -17,12 +17,12 @@ const ALBEDO: f32 = 0.1;
 /// Share of a length that counts as one standard deviation of lengths.
 const LENGTH: f32 = 0.02;
 
-/// The surface that stops a filter.
+/// The surface whose edges stop a filter.
 #[derive(Clone, Copy)]
 pub(super) enum Surface {
-    /// That of the first vertex.
+    /// The surface of the first vertex.
     First,
-    /// That of the first rough vertex.
+    /// The surface of the first rough vertex.
     Rough,
 }
 
@@ -31,10 +31,11 @@ pub(super) fn reach(sigma: f32) -> usize {
     (2.0 * sigma).ceil() as usize
 }
 
-/// Edges that stop a filter, as planes.
+/// Data of the edges that stop a filter, one plane per number.
 pub(super) struct Guide {
     size: Size,
-    /// Normal of the surface and reflectance of the first one: their squared differences are those of the exponent.
+    /// Normal of the surface and reflectance of the first one, scaled so that their squared differences add up to the
+    /// exponent.
     planes: Vec<Vec<f32>>,
     /// Variance of the normals in a pixel on an edge, in the exponent.
     spread: Vec<f32>,
@@ -43,10 +44,67 @@ pub(super) struct Guide {
     here: Vec<f32>,
     /// Length that a plane adds to it a pixel away.
     slope: Vec<f32>,
+    /// Pixels on straight edges, in ascending order.
+    mixed: Vec<Mixed>,
 }
 
-/// Variance of the normals in pixels on an edge between surfaces, times [`NORMAL`]: of unit normals it is 1 − |mean|². What
-/// two pixels on opposite sides have, too, is no edge but gloss, or light that leaves the scene.
+/// A pixel on the edge between two even surfaces, which two opposite neighbours show.
+struct Mixed {
+    pixel: usize,
+    /// Pixels from the first neighbour to this pixel, and from this to the second neighbour.
+    step: usize,
+    /// Share of the first surface in the pixel.
+    share: f32,
+}
+
+/// Least squared difference of the two surfaces, in the exponent.
+const APART: f32 = 1.0;
+
+/// Largest squared difference of the pixel from a mixture of both, over the squared difference of the two.
+const OFF: f32 = 0.01;
+
+/// Largest squared difference of each neighbour from the pixel beyond it, over the same. Near the outline of a ball the
+/// surface is not even: light of the neighbour differs from the light of the surface within the pixel.
+const UNEVEN: f32 = 3e-4;
+
+/// Pixels whose planes, means over their samples, are a mixture of the planes of two opposite neighbours. Of four
+/// directions the one with the most different neighbours counts.
+fn mixed((width, height): Size, planes: &[Vec<f32>]) -> Vec<Mixed> {
+    let apart = |a: usize, b: usize| -> f32 {
+        let square = |plane: &Vec<f32>| (plane[a] - plane[b]).powi(2);
+        planes.iter().map(square).sum()
+    };
+    let between = |pixel: usize, step: usize| {
+        let (p, q) = (pixel - step, pixel + step);
+        let square = apart(p, q);
+        if square < APART {
+            return None;
+        }
+        let along = |plane: &Vec<f32>| (plane[q] - plane[pixel]) * (plane[q] - plane[p]);
+        let share = planes.iter().map(along).sum::<f32>() / square;
+        let off =
+            |plane: &Vec<f32>| (share * plane[p] + (1.0 - share) * plane[q] - plane[pixel]).powi(2);
+        let even = [(p, p - step), (q, q + step)].map(|(a, b)| apart(a, b) < UNEVEN * square);
+        let mixture = (0.0..=1.0).contains(&share)
+            && even == [true; 2]
+            && planes.iter().map(off).sum::<f32>() < OFF * square;
+        let mixed = Mixed { pixel, step, share };
+        mixture.then_some((square, mixed))
+    };
+    let of = |pixel: usize| {
+        let steps = [1, width, width + 1, width - 1].into_iter();
+        let all = steps.filter_map(|step| between(pixel, step));
+        let best = all.max_by(|a, b| a.0.total_cmp(&b.0));
+        best.map(|(_, mixed)| mixed)
+    };
+    let rows = 2..height.saturating_sub(2);
+    let pixels = rows.flat_map(|y| (2..width.saturating_sub(2)).map(move |x| y * width + x));
+    pixels.filter_map(of).collect()
+}
+
+/// Variance of the normals in pixels on an edge between surfaces, times [`NORMAL`]: for unit normals it is 1 − |mean|².
+/// The variance of two pixels on opposite sides is subtracted: it is not of an edge but of gloss, or of paths that
+/// leave the scene.
 fn spread((width, height): Size, features: &[Features], first: usize) -> Vec<f32> {
     let length2 = |x: usize, y: usize| -> f32 {
         let normal = &features[y * width + x][first..first + 3];
@@ -80,7 +138,7 @@ impl Guide {
         let plane = |at: usize, scale: f32| features.iter().map(|f| f[at] * scale).collect();
         let normals = (first..first + 3).map(|at| plane(at, NORMAL.sqrt()));
         let reflectance = (8..FEATURES).map(|at| plane(at, 0.5f32.sqrt() / ALBEDO));
-        let planes = normals.chain(reflectance).collect();
+        let planes: Vec<_> = normals.chain(reflectance).collect();
         let length: Vec<f32> = plane(first + 3, 1.0);
         let slope = |i: usize| {
             let (x, y) = (i % width, i / width);
@@ -94,6 +152,7 @@ impl Guide {
         let slope = (0..length.len()).map(slope).collect();
         Self {
             size,
+            mixed: mixed(size, &planes),
             planes,
             spread: spread(size, features, first),
             length,
@@ -102,7 +161,7 @@ impl Guide {
         }
     }
 
-    /// Weights, below 1, of the pixels to the left, to the right, above and below one, which must be there.
+    /// Weights, below 1, of the pixels to the left, to the right, above and below a pixel; 0 outside of the picture.
     pub(super) fn beside(&self, pixel: usize) -> [f32; 4] {
         let (width, height) = self.size;
         let (x, y) = (pixel % width, pixel / width);
@@ -121,7 +180,8 @@ impl Guide {
         ]
     }
 
-    /// Weight, at most 1, of the pixel so far to the right of one and below it on the surface of this, whatever the distance.
+    /// Weight, at most 1, of the pixel at an offset to the right and below a pixel by their surfaces alone, whatever
+    /// the distance.
     #[inline]
     pub(super) fn alike(&self, pixel: usize, [dx, dy]: [isize; 2]) -> f32 {
         let other = pixel.wrapping_add_signed(dy * self.size.0 as isize + dx);
@@ -134,9 +194,10 @@ impl Guide {
         negative_exponential(normals + reflectance + of_lengths(apart(&self.length), reach))
     }
 
-    /// The first `batches` of layers, blurred by a Gaussian of this standard deviation in pixels, at the inner pixels, from every `STEP`th
-    /// pixel in both directions. More than one is for layers that are blurred already: Dammertz et al., *Edge-Avoiding À-Trous Wavelet
-    /// Transform for fast Global Illumination Filtering*, High Performance Graphics 2010.
+    /// The first `batches` of layers at the inner pixels, blurred by a Gaussian of this standard deviation in pixels,
+    /// from every `STEP`th pixel in both directions. A `STEP` above 1 is for layers that are blurred already: Dammertz
+    /// et al., *Edge-Avoiding À-Trous Wavelet Transform for fast Global Illumination Filtering*, High Performance
+    /// Graphics 2010.
     pub(super) fn blur<const STEP: usize>(
         &self,
         sigma: f32,
@@ -144,14 +205,39 @@ impl Guide {
         layers: &[&Batches],
         batches: usize,
     ) -> Vec<Batches> {
-        match batches {
-            2 => self.blur_of::<STEP, 2>(sigma, inner, layers),
-            3 => self.blur_of::<STEP, 3>(sigma, inner, layers),
-            _ => self.blur_of::<STEP, BATCHES>(sigma, inner, layers),
-        }
+        let around = inner.grown(1, self.size.1);
+        let light = match batches {
+            2 => self.blur_of::<STEP, 2>(sigma, &around, layers),
+            3 => self.blur_of::<STEP, 3>(sigma, &around, layers),
+            _ => self.blur_of::<STEP, BATCHES>(sigma, &around, layers),
+        };
+        let mix = light.iter().map(|light| self.mix(&around, inner, light));
+        mix.collect()
     }
 
-    /// The same of `N` batches; the others are black.
+    /// Blurred light of the inner pixels, from light with a border of one pixel around them. The guides of a pixel on a
+    /// straight edge differ from both of its surfaces, so that its own blur has few pixels: it takes the mixture of
+    /// both neighbours' blurs.
+    fn mix(&self, around: &Inner, inner: &Inner, light: &Batches) -> Batches {
+        let mut mixed: Batches = (inner.pixels())
+            .map(|pixel| light[around.place(pixel)])
+            .collect();
+        for &Mixed { pixel, step, share } in &self.mixed {
+            let (x, y) = (pixel % self.size.0, pixel / self.size.0);
+            let (x, y) = (
+                x.wrapping_sub(inner.origin.0),
+                y.wrapping_sub(inner.origin.1),
+            );
+            if x < inner.size.0 && y < inner.size.1 {
+                let [p, q] = [pixel - step, pixel + step].map(|i| light[around.place(i)]);
+                let mix = |b: usize| share * p[b] + (1.0 - share) * q[b];
+                mixed[y * inner.size.0 + x] = std::array::from_fn(mix);
+            }
+        }
+        mixed
+    }
+
+    /// [`Self::blur`] of `N` batches, without mixtures; the other batches are black.
     fn blur_of<const STEP: usize, const N: usize>(
         &self,
         sigma: f32,
@@ -164,8 +250,8 @@ impl Guide {
         let rows = disk_rows::<STEP>(sigma, radius);
         let (w, h) = inner.size;
         let mut out: Vec<Batches> = layers.iter().map(|_| Vec::with_capacity(w * h)).collect();
-        // Weights of the neighbours in a row of the disks around a row of pixels, those at one step after another: long
-        // loops, however short the rows are.
+        // Weights of the neighbours in a row of the disks around a row of pixels, in the order of their offsets: the
+        // loops are as long as the row of pixels.
         let mut weights = vec![0.0f32; (2 * radius as usize / STEP + 1) * w];
         let mut row_sums = vec![0.0f32; w];
         let mut all = vec![0.0f32; w];
@@ -195,7 +281,7 @@ impl Guide {
                 all.iter_mut().zip(&row_sums).for_each(|(a, s)| *a += *s);
                 for x in 0..w {
                     let at = (inner.origin.0 + x) as isize;
-                    // Steps to the first and the last pixel of the row that is there.
+                    // Steps to the first and the last pixel of the row within the picture.
                     let first = (half - at).max(0) as usize;
                     let first = first.div_ceil(STEP);
                     let last = (half + half.min(width as isize - 1 - at)) as usize / STEP;
@@ -228,8 +314,8 @@ impl Guide {
         out
     }
 
-    /// Weights of neighbours at one step from pixels beside one another, of which the squared length is `d2`; `pixels` and
-    /// `others` are the first of both.
+    /// Weights of neighbours at one offset, of squared length `d2`, from adjacent pixels of a row; `pixels` and
+    /// `others` are the first pixel and its neighbour.
     #[inline]
     fn weights(&self, sigma: f32, d2: f32, pixels: usize, others: usize, weights: &mut [f32]) {
         let count = weights.len();
@@ -254,7 +340,7 @@ impl Guide {
         }
     }
 
-    /// The guides of pixels beside one another.
+    /// The guides of adjacent pixels of a row.
     fn part(&self, first: usize, count: usize) -> Part<'_> {
         Part {
             normals: std::array::from_fn(|k| &self.planes[k][first..first + count]),
@@ -266,7 +352,7 @@ impl Guide {
     }
 }
 
-/// Guides of pixels beside one another, as the fields of [`Guide`].
+/// Guides of adjacent pixels of a row, as the fields of [`Guide`].
 struct Part<'a> {
     normals: [&'a [f32]; 3],
     spread: &'a [f32],
@@ -275,7 +361,7 @@ struct Part<'a> {
     slope: &'a [f32],
 }
 
-/// The same of pixels and as many others: exponents of the weights of these, in loops without branches.
+/// Guides of pixels and of one neighbour each: exponents of the neighbours' weights, in loops without branches.
 struct Pairs<'a> {
     own: Part<'a>,
     normals: [&'a [f32]; 3],
@@ -283,7 +369,7 @@ struct Pairs<'a> {
 }
 
 impl Pairs<'_> {
-    /// Exponent of the normals. A pixel that shows several surfaces takes light of each.
+    /// Exponent of the normals. A pixel that shows several surfaces takes light of all of them.
     #[inline(always)]
     fn normals(&self, i: usize) -> f32 {
         of_normals(
@@ -292,7 +378,7 @@ impl Pairs<'_> {
         )
     }
 
-    /// Exponent of the lengths, of pixels so far from one another.
+    /// Exponent of the lengths of two pixels at this distance.
     #[inline(always)]
     fn lengths(&self, i: usize, distance: f32) -> f32 {
         let apart = self.length[i] - self.own.length[i];
@@ -310,7 +396,7 @@ fn of_normals(apart: impl Fn(usize) -> f32, spread: f32) -> f32 {
     (square(0) + square(1) + square(2) - spread).max(0.0)
 }
 
-/// Exponent of two lengths by their difference and what a surface allows.
+/// Exponent of two lengths by their difference and the standard deviation on one surface.
 #[inline(always)]
 fn of_lengths(apart: f32, allowed: f32) -> f32 {
     let step = apart / allowed;
@@ -324,8 +410,8 @@ const AROUND: usize = 2;
 const CELLS: f32 = 1.25;
 
 impl Guide {
-    /// For every pixel of row `y` of this guide the mean of values of the cells around it that show its surface. The cells have
-    /// `edge` pixels a side; `place` is the row as they count.
+    /// For every pixel of row `y` of this guide the mean of the values of the cells around it, weighted by how much
+    /// they show its surface. The cells have `edge` pixels a side; `place` is the row in the picture of the cells.
     pub(super) fn of_cells(
         &self,
         y: usize,
@@ -342,7 +428,7 @@ impl Guide {
         let near = place / edge;
         for v in near.saturating_sub(AROUND)..(near + AROUND + 1).min(rows) {
             let dy = centre(v) - place as f32;
-            // A row of cells, as wide as pixels: what lies one cell aside is as far away in all, in long loops.
+            // A row of cells, repeated for every pixel, so that the loops are as long as the row of pixels.
             let wide = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
                 let row = (0..columns).map(value);
                 row.flat_map(|v| std::iter::repeat_n(v, edge)).collect()
@@ -386,7 +472,7 @@ impl Guide {
     }
 }
 
-/// exp(−x) for x ≥ 0 within 0.01 %, and 2⁻⁶⁰ from there on: no branch, and no number that is too small to be fast.
+/// exp(−x) for x ≥ 0 within 0.01 %, at least 2⁻⁶⁰: without a branch, and without denormal numbers, which are slow.
 #[inline(always)]
 fn negative_exponential(x: f32) -> f32 {
     // 1.5 · 2²³: adding it rounds to a whole number in the lowest bits.
@@ -399,7 +485,7 @@ fn negative_exponential(x: f32) -> f32 {
     f32::from_bits(fraction.to_bits().wrapping_add(whole.to_bits() << 23))
 }
 
-/// Rows of a blur's disk, `STEP` pixels apart, by their offset, and the reach of each to both sides.
+/// Rows of a blur's disk, `STEP` pixels apart: the offset and the half width of each.
 fn disk_rows<const STEP: usize>(sigma: f32, radius: isize) -> Vec<(isize, isize)> {
     let step = STEP as isize;
     let most = (REACH * sigma).powi(2);
@@ -430,7 +516,7 @@ pub(super) struct Inner {
 }
 
 impl Inner {
-    /// As large a part of the larger rectangle, of this height, as lies within `around` pixels of this one.
+    /// This rectangle with a border of `around` pixels, within the larger one, which has this height.
     pub(super) fn grown(&self, around: usize, height: usize) -> Self {
         let range = |start: usize, length: usize, end: usize| {
             let from = start.saturating_sub(around);
@@ -458,7 +544,13 @@ impl Inner {
         })
     }
 
-    /// Number of one of its pixels in the larger one.
+    /// Index among its own pixels of the pixel with this number in the larger one.
+    fn place(&self, pixel: usize) -> usize {
+        let (x, y) = (pixel % self.width, pixel / self.width);
+        (y - self.origin.1) * self.size.0 + x - self.origin.0
+    }
+
+    /// Number in the larger one of one of its own pixels.
     pub(super) fn number(&self, pixel: usize) -> usize {
         let (x, y) = (pixel % self.size.0, pixel / self.size.0);
         (self.origin.1 + y) * self.width + self.origin.0 + x

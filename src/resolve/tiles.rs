@@ -102,7 +102,8 @@ impl Shared<'_> {
     fn reach(&self) -> u32 {
         let blur = match self.limits.blurs {
             [] => 0,
-            _ => reach(rest(WIDE)) + reach(BASE),
+            // A pixel more for each of both, since pixels on edges take the blurs of their neighbours.
+            _ => reach(rest(WIDE)) + reach(BASE) + 2,
         };
         (AROUND + blur.max(2 * MISSING_RADIUS)) as u32
     }
@@ -490,7 +491,7 @@ impl<'a> Part<'a> {
 
     /// A blur of [`BASE`] of all pixels that a blur of [`WIDE`] uses.
     fn base(&self, guide: &Guide, light: &Batches) -> Batches {
-        let around = self.inner.grown(reach(rest(WIDE)), self.size.1);
+        let around = self.inner.grown(reach(rest(WIDE)) + 1, self.size.1);
         let batches = self.whole.roughened.count;
         let base = guide.blur::<1>(BASE, &around, &[light], batches).remove(0);
         let mut blurred = light.clone();
