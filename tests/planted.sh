@@ -91,7 +91,7 @@ plant "10 rays that start on the surface" src/scene/geometry.rs \
     's/to_world\.error\(rounding \+ 1e-13 \* extent\)/0.0 * (rounding + 1e-13 * extent)/' \
     stability::case_10_scale_invariance
 plant "11 paths that carry nothing go on" src/integrator/walk/mod.rs \
-    's/self\.throughput == Rgb::ZERO && carried\.is_nothing\(\)/false \&\& carried.is_nothing()/' \
+    's/self\.throughput == Rgb::ZERO && pending\.is_zero\(\)/false \&\& pending.is_zero()/' \
     stability::case_11_zero_throughput_ends_the_path
 plant "11 survivors weigh as before" src/integrator/walk/mod.rs \
     's/self\.throughput \/= survival;//' stability::case_11_russian_roulette_is_unbiased
@@ -148,8 +148,8 @@ plant "the second way through glass counts as the first" src/integrator/walk/way
 plant "ways of small shares end and nothing makes up for it" src/integrator/walk/mod.rs \
     's/self\.throughput \/= chance;//' bidirectional::ways::agreement_with_drawn_ways_behind_a_pane
 plant "light at the end of an edge counts without the roulette of ways" src/integrator/walk/mod.rs \
-    's/carried\.scale\(Rgb::splat\(1\.0 \/ chance\)\);//' ways::agreement_of_paths_on_both_ways_with_drawn_ones
-plant "every way of levels counts in full" src/integrator/levels/kept.rs \
+    's/pending\.scale\(Rgb::splat\(1\.0 \/ chance\)\);//' ways::agreement_of_paths_on_both_ways_with_drawn_ones
+plant "every way of levels counts in full" src/integrator/levels/packed.rs \
     's/share \* \*value/*value/' ways::agreement_of_levels_on_both_ways_with_drawn_ones
 plant "light layers count every way in full" src/integrator/aov.rs \
     's/share \* part/part/' aov::aov_light_split_adds_up_and_equals_short_paths

@@ -237,11 +237,11 @@ struct PixelSums {
 pub struct FirstHit {
     sums: Vec<PixelSums>,
     /// First vertices of a tile's paths; `None` for paths that hit no surface.
-    log: Log<Option<Seen>>,
+    log: Log<Option<FirstVertex>>,
 }
 
 /// Albedo, normal and depth of one first vertex.
-type Seen = (Rgb, Rgb, f32);
+type FirstVertex = (Rgb, Rgb, f32);
 
 impl FirstHit {
     /// An empty record of a window of the frame.

@@ -73,7 +73,7 @@ struct Estimates {
 
 impl Estimates {
     /// Least factor of the error while the samples grow by n, times √n: 1 for noise, less for the allowance.
-    const LEAST_FALL: f64 = 0.8;
+    const MIN_FALL: f64 = 0.8;
 
     /// For a picture that has this many samples.
     fn new(limit: Option<ErrorBound>, samples: u32) -> Self {
@@ -100,7 +100,7 @@ impl Estimates {
     fn look(&mut self, samples: u32, picture: &Picture) {
         if let Some(limit) = self.limit.filter(|_| samples == self.next) {
             let error = (limit.estimate)(picture);
-            let fall = |next: u32| Self::LEAST_FALL * (f64::from(samples) / f64::from(next)).sqrt();
+            let fall = |next: u32| Self::MIN_FALL * (f64::from(samples) / f64::from(next)).sqrt();
             self.next = Self::beyond(samples);
             while error.is_finite() && error * fall(self.next) > limit.bound && self.next < u32::MAX
             {
@@ -170,7 +170,7 @@ pub fn drive(
         let seconds = pass.elapsed().as_secs_f64() / f64::from(added.max(1));
         samples += added;
         if added > 0 {
-            stop.begun();
+            stop.end_first_sample();
         }
         let elapsed = clock.elapsed();
         estimates.look(samples, picture);
@@ -182,7 +182,7 @@ pub fn drive(
                 .map(|now| now.max(progress.fraction.unwrap_or(0.0))),
             error: estimates.error(),
         };
-        if listener(&progress, picture).is_break() || stop.is_asked() {
+        if listener(&progress, picture).is_break() || stop.is_requested() {
             return (progress, Reason::Stopped);
         }
         if stop.is_cut() {

@@ -36,13 +36,13 @@ pub(crate) enum Content {
 
 /// Light that an estimator without roughening never finds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Blind {
+pub(crate) enum Misses {
     /// None.
-    Never,
+    Nothing,
     /// Lights without area that are seen through a Dirac lobe.
-    ToPoints,
+    PointsByDirac,
     /// Everything that is seen through a Dirac lobe.
-    ToMirrors,
+    AllByDirac,
 }
 
 /// Properties of an estimator, for its choice, for checks and for planning.
@@ -55,7 +55,7 @@ pub(crate) struct Row {
     /// Contents of scenes that it does not support.
     pub(crate) refuses: &'static [Content],
     /// Light that it never finds.
-    pub(crate) blind: Blind,
+    pub(crate) misses: Misses,
     /// Estimators that have all of its strategies and more.
     pub(crate) part_of: &'static [IntegratorKind],
     /// Rules that it supports.
@@ -70,7 +70,7 @@ impl Row {
         estimator: Estimator::Path { reuse: false },
         cost: [1.0, 0.0],
         refuses: &[],
-        blind: Blind::ToPoints,
+        misses: Misses::PointsByDirac,
         part_of: &[IntegratorKind::Bdpt, IntegratorKind::Vcm],
         modes: &Mode::ALL,
         takes_sobol: true,
@@ -78,7 +78,7 @@ impl Row {
     /// An estimator without rules, whose strategies are no part of another one's.
     const ALONE: Self = Self {
         refuses: &[Content::Scattering],
-        blind: Blind::Never,
+        misses: Misses::Nothing,
         part_of: &[],
         modes: &[Mode::Default],
         ..Self::PATH
@@ -130,7 +130,7 @@ estimators! {
     Light = Row {
         estimator: Estimator::Light,
         cost: [0.0, 1.3],
-        blind: Blind::ToMirrors,
+        misses: Misses::AllByDirac,
         part_of: &[Self::Bdpt, Self::Vcm],
         ..Row::ALONE
     };

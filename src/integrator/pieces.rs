@@ -67,7 +67,7 @@ pub(super) struct Finished<T> {
 }
 
 /// Most values of several samples that are stored until they are added; one sample of a large picture may have more.
-const KEPT: usize = 1 << 21;
+const MAX_STORED_VALUES: usize = 1 << 21;
 
 /// Tiles of a film that are copied at once while values are added to it.
 const COPIED: usize = 256;
@@ -82,7 +82,7 @@ pub(super) struct Tile<'a> {
 impl Tile<'_> {
     /// Samples that are added together to the tiles of a film.
     pub(super) fn samples_at_once(film: &Film) -> u32 {
-        (KEPT / film.window.len().max(1)).clamp(1, u32::MAX as usize) as u32
+        (MAX_STORED_VALUES / film.window.len().max(1)).clamp(1, u32::MAX as usize) as u32
     }
 
     /// Adds the value of the next sample.
@@ -127,7 +127,7 @@ impl Driver<'_> {
                 break;
             }
             if let Some(stop) = self.stop {
-                stop.begun();
+                stop.end_first_sample();
             }
             next = end;
         }
@@ -140,7 +140,7 @@ impl Driver<'_> {
         let shared = true;
         let result = work(&Self { shared, ..*self });
         if let Some(stop) = self.stop {
-            stop.at_least_as_long();
+            stop.extend_first_sample();
         }
         result
     }
@@ -263,8 +263,8 @@ impl Driver<'_> {
     /// True once the time of this work is over or a stop is requested.
     fn is_over(&self) -> bool {
         self.stop.is_some_and(|stop| match self.shared {
-            true if stop.is_first() => stop.at_half(),
-            _ => stop.now(),
+            true if stop.is_first() => stop.skips_shared(),
+            _ => stop.skips_next(),
         })
     }
 

@@ -1,7 +1,7 @@
 //! Settings of a render, and the integrator that they define.
 
 use super::amounts::{Amounts, LevelError, RadiusFactors, Scales};
-use super::bidirectional::{Aimed, Bidirectional, Radius, Strategies, Strategy};
+use super::bidirectional::{AimCache, Bidirectional, Radius, Strategies, Strategy};
 use super::guided::{self, Guided};
 use super::levels::{LevelTracer, estimate};
 use super::method::Content;
@@ -134,9 +134,9 @@ impl Settings {
                 });
             }
             Estimator::Light => (Strategies::Light, None),
-            Estimator::Bdpt => (self.shown(), None),
-            Estimator::Vcm(radius) => (self.shown(), Some(radius)),
-            Estimator::VcmNee(radius) => (self.shown(), Some(radius)),
+            Estimator::Bdpt => (self.strategies(), None),
+            Estimator::Vcm(radius) => (self.strategies(), Some(radius)),
+            Estimator::VcmNee(radius) => (self.strategies(), Some(radius)),
             Estimator::Sppm(radius) => (Strategies::Density, Some(radius)),
             Estimator::Mlt { mutations } => {
                 let base = self.bidirectional(Strategies::All);
@@ -165,7 +165,7 @@ impl Settings {
     }
 
     /// The strategies of `bdpt` and `vcm` that the picture shows.
-    fn shown(&self) -> Strategies {
+    fn strategies(&self) -> Strategies {
         self.strategy.map_or(Strategies::All, Strategies::One)
     }
 
@@ -194,7 +194,7 @@ impl Settings {
             roulette_start: self.roulette_start,
             seed: self.seed,
             sampler: self.sampler,
-            aimed: Aimed::default(),
+            aim_cache: AimCache::default(),
         }
     }
 
@@ -406,10 +406,10 @@ impl Integrator for ManifoldIntegrator {
         } = self;
         let manifold = &*manifold.get_or_insert_with(|| Manifold::of(view.scene, *trials));
         let Picture { film, aovs, .. } = picture;
-        let seeking = || manifold.seeking();
+        let policy = || manifold.policy();
         match aovs {
-            Some(aovs) => tracer.estimate_by(seeking, view, source, samples, film, aovs),
-            None => tracer.estimate_by(seeking, view, source, samples, film, &mut ()),
+            Some(aovs) => tracer.estimate_by(policy, view, source, samples, film, aovs),
+            None => tracer.estimate_by(policy, view, source, samples, film, &mut ()),
         }
     }
 }

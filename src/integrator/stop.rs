@@ -16,7 +16,7 @@ const FIRST: Duration = Duration::from_millis(500);
 #[derive(Debug, Default)]
 pub struct Stop<'a> {
     /// Flag that a user sets.
-    asked: Option<&'a AtomicBool>,
+    stop_flag: Option<&'a AtomicBool>,
     /// Time that the render may take.
     limit: Option<Limit>,
     /// True while there is no whole sample.
@@ -24,7 +24,7 @@ pub struct Stop<'a> {
     /// True once an integrator has skipped work.
     cut: AtomicBool,
     /// True once it has skipped shared work, on which its other work depends.
-    short: AtomicBool,
+    shared_cut: AtomicBool,
 }
 
 /// A limit of time.
@@ -46,9 +46,9 @@ impl Limit {
 
 impl<'a> Stop<'a> {
     /// A stop when the flag is set.
-    pub fn when(asked: &'a AtomicBool) -> Self {
+    pub fn when(stop_flag: &'a AtomicBool) -> Self {
         Self {
-            asked: Some(asked),
+            stop_flag: Some(stop_flag),
             ..Self::default()
         }
     }
@@ -64,32 +64,32 @@ impl<'a> Stop<'a> {
             Limit { begin, length }
         });
         Self {
-            asked: other.and_then(|other| other.asked),
+            stop_flag: other.and_then(|other| other.stop_flag),
             limit,
             first: first.into(),
             cut: false.into(),
-            short: false.into(),
+            shared_cut: false.into(),
         }
     }
 
     /// True once a user has requested a stop.
-    pub(super) fn is_asked(&self) -> bool {
-        self.asked
-            .is_some_and(|asked| asked.load(Ordering::Relaxed))
+    pub(super) fn is_requested(&self) -> bool {
+        self.stop_flag
+            .is_some_and(|flag| flag.load(Ordering::Relaxed))
     }
 
     /// True if the next tile, chain or iteration must be skipped; stays true from then on.
-    pub(super) fn now(&self) -> bool {
+    pub(super) fn skips_next(&self) -> bool {
         self.is_over(1.0, &self.cut)
     }
 
     /// The same for shared work of the first sample, at half of the time.
-    pub(super) fn at_half(&self) -> bool {
-        self.is_over(0.5, &self.short)
+    pub(super) fn skips_shared(&self) -> bool {
+        self.is_over(0.5, &self.shared_cut)
     }
 
     /// Lengthens the first sample to twice the time so far, if that is more.
-    pub(super) fn at_least_as_long(&self) {
+    pub(super) fn extend_first_sample(&self) {
         if let (true, Some(limit)) = (self.is_first(), &self.limit) {
             let twice = 2 * limit.begin.elapsed();
             let twice = twice.as_nanos().try_into().unwrap_or(u64::MAX);
@@ -100,7 +100,7 @@ impl<'a> Stop<'a> {
     /// True if the flag is set, a stop is requested or this part of the time is over; then sets the flag.
     fn is_over(&self, part: f64, flag: &AtomicBool) -> bool {
         let late = || self.limit.as_ref().is_some_and(|limit| limit.is_over(part));
-        let over = flag.load(Ordering::Relaxed) || self.is_asked() || late();
+        let over = flag.load(Ordering::Relaxed) || self.is_requested() || late();
         if over {
             flag.store(true, Ordering::Relaxed);
         }
@@ -109,7 +109,7 @@ impl<'a> Stop<'a> {
 
     /// True if anything was skipped.
     pub(super) fn is_cut(&self) -> bool {
-        self.cut.load(Ordering::Relaxed) || self.short.load(Ordering::Relaxed)
+        self.cut.load(Ordering::Relaxed) || self.shared_cut.load(Ordering::Relaxed)
     }
 
     /// True while there is no whole sample.
@@ -118,7 +118,7 @@ impl<'a> Stop<'a> {
     }
 
     /// Called once there is a whole sample.
-    pub(super) fn begun(&self) {
+    pub(super) fn end_first_sample(&self) {
         self.first.store(false, Ordering::Relaxed);
     }
 }

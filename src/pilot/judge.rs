@@ -19,7 +19,7 @@ use crate::image::Buffer;
 use crate::image::film::Window;
 use crate::image::relative::EPSILON;
 use crate::integrator::Picture;
-use crate::integrator::method::{Blind, IntegratorKind};
+use crate::integrator::method::{IntegratorKind, Misses};
 use crate::math::Rgb;
 use crate::regularise::Rule;
 use crate::resolve::{Resolve, resolve_film};
@@ -90,10 +90,10 @@ impl Draft {
     /// True if the contender can never find some light: light tracing finds nothing seen via a Dirac lobe, and others
     /// find no lights without area there unless they roughen.
     fn is_blind(&self, punctual: bool) -> bool {
-        match self.kind.row().blind {
-            Blind::ToMirrors => true,
-            Blind::ToPoints => punctual && self.plain,
-            Blind::Never => false,
+        match self.kind.row().misses {
+            Misses::AllByDirac => true,
+            Misses::PointsByDirac => punctual && self.plain,
+            Misses::Nothing => false,
         }
     }
 

@@ -10,9 +10,9 @@
 
 use super::Bidirectional;
 use super::iteration::Iteration;
-use super::paths::EARLIER;
+use super::paths::ROULETTE_LEAD;
 use super::vertex::Vertex;
-use super::walk::{Onward, WeightedWalk};
+use super::walk::{ScatterKind, WeightedWalk};
 use crate::bsdf::Bsdf;
 use crate::image::film::Window;
 use crate::integrator::View;
@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Number of pilot light paths.
-const PATHS: u32 = 1 << 13;
+const PILOT_PATHS: u32 = 1 << 13;
 
 /// Paths that a thread takes at a time.
 const CHUNK: u32 = 256;
@@ -33,12 +33,12 @@ const CHUNK: u32 = 256;
 const SHARP: f32 = 0.1;
 
 /// Most targets of each kind.
-const MOST_SHARP: usize = 64;
-const MOST_SEEN: usize = 8;
+const MAX_SHARP_TARGETS: usize = 64;
+const MAX_VISIBLE_TARGETS: usize = 8;
 
 /// Largest radius of a target of each kind, over that of the scene.
-const WIDEST_SHARP: f32 = 0.5;
-const WIDEST_SEEN: f32 = 0.1;
+const MAX_SHARP_RADIUS: f32 = 0.5;
+const MAX_VISIBLE_RADIUS: f32 = 0.1;
 
 /// Camera rays per side of the lattice that finds the visible surfaces.
 const LATTICE: u32 = 32;
@@ -47,7 +47,7 @@ const LATTICE: u32 = 32;
 const MAX_SHARP: u32 = 8;
 
 /// Most triangles or points that are clustered; a larger set is subsampled.
-const MOST_ITEMS: usize = 1 << 16;
+const MAX_ITEMS: usize = 1 << 16;
 
 /// Most groups of lights, each with its own beam.
 const GROUPS: u8 = 64;
@@ -56,13 +56,13 @@ const GROUPS: u8 = 64;
 const CELLS: u32 = 16;
 
 /// Ratio of the second moments, aimed over uniform, above which aiming is not worth its cost.
-const WORTH: f64 = 0.7;
+const MAX_MOMENT_RATIO: f64 = 0.7;
 
 /// Share below which a target is dropped.
-const LEAST_SHARE: f64 = 0.005;
+const MIN_SHARE: f64 = 0.005;
 
 /// Squared weight of light that other strategies sample well: light that reaches its vertex over rough surfaces only.
-const EASY: f64 = 0.05;
+const EASY_WEIGHT: f64 = 0.05;
 
 impl Bidirectional {
     /// Aim of the light paths of a view, the same for every window of its frame, as
@@ -71,7 +71,7 @@ impl Bidirectional {
         let View { sensor, scene, .. } = view;
         let whole = Window::full(sensor.frame);
         let whole = View::new(scene, sensor.camera, sensor.frame, whole);
-        self.aimed.aim(view, || self.find_aim(&whole))
+        self.aim_cache.aim(view, || self.find_aim(&whole))
     }
 
     fn find_aim(&self, view: &View<'_>) -> Aim {
@@ -93,7 +93,7 @@ impl Bidirectional {
         let found = self.try_aim(view, &first, &targets);
         let beams = (0..count)
             .map(|group| {
-                let own = |arrival: &&Arrival| usize::from(groups[arrival.light as usize]) == group;
+                let own = |path: &&PilotPath| usize::from(groups[path.light as usize]) == group;
                 beam(&targets, found.iter().filter(own))
             })
             .collect();
@@ -101,44 +101,44 @@ impl Bidirectional {
     }
 
     /// Traces pilot light paths with this aim; returns those with a visible vertex.
-    fn try_aim(&self, view: &View<'_>, aim: &Aim, targets: &[Target]) -> Vec<Arrival> {
+    fn try_aim(&self, view: &View<'_>, aim: &Aim, targets: &[Target]) -> Vec<PilotPath> {
         let iteration = self.iteration(view, aim, 0, None);
         let source = Independent {
             seed: Seed(self.seed).derive(Domain::Aim, 0),
         };
-        let chunks: Vec<Vec<(Arrival, Vec<Glimpse>)>> = (0..PATHS / CHUNK)
+        let chunks: Vec<Vec<(PilotPath, Vec<VisibleVertex>)>> = (0..PILOT_PATHS / CHUNK)
             .into_par_iter()
             .map(|chunk| {
                 (chunk * CHUNK..(chunk + 1) * CHUNK)
                     .filter_map(|i| {
                         let mut stream = source.stream(UVec2::new(i, 0), 0);
-                        iteration.tried_path(&mut stream, targets)
+                        iteration.trace_pilot(&mut stream, targets)
                     })
                     .collect()
             })
             .collect();
         let all: Vec<_> = chunks.into_iter().flatten().collect();
         let mut brightness = vec![0.0; (CELLS * CELLS) as usize];
-        for glimpse in all.iter().flat_map(|(_, glimpses)| glimpses) {
-            brightness[glimpse.cell] += glimpse.value;
+        for vertex in all.iter().flat_map(|(_, visible)| visible) {
+            brightness[vertex.cell] += vertex.value;
         }
         let mean = brightness.iter().sum::<f64>() / brightness.len() as f64;
-        let relative = |glimpse: &Glimpse| {
-            let value = glimpse.value / brightness[glimpse.cell].max(0.1 * mean);
-            glimpse.weight * value * value
+        let relative = |vertex: &VisibleVertex| {
+            let value = vertex.value / brightness[vertex.cell].max(0.1 * mean);
+            vertex.weight * value * value
         };
-        let squared = |(arrival, glimpses): (Arrival, Vec<Glimpse>)| Arrival {
-            squared: glimpses.iter().map(relative).sum(),
-            ..arrival
+        let squared = |(path, visible): (PilotPath, Vec<VisibleVertex>)| PilotPath {
+            squared: visible.iter().map(relative).sum(),
+            ..path
         };
         (all.into_iter().map(squared))
-            .filter(|arrival| arrival.squared > 0.0)
+            .filter(|path| path.squared > 0.0)
             .collect()
     }
 }
 
 /// A pilot light path with a visible vertex.
-struct Arrival {
+struct PilotPath {
     light: u32,
     /// Sum of the squares of its contributions.
     squared: f64,
@@ -147,7 +147,7 @@ struct Arrival {
 }
 
 /// A visible vertex of a light path.
-struct Glimpse {
+struct VisibleVertex {
     cell: usize,
     value: f64,
     weight: f64,
@@ -155,15 +155,15 @@ struct Glimpse {
 
 impl Iteration<'_> {
     /// Traces a light path; `None` if none of its vertices is visible.
-    fn tried_path(
+    fn trace_pilot(
         &self,
         stream: &mut impl Sampler,
         targets: &[Target],
-    ) -> Option<(Arrival, Vec<Glimpse>)> {
+    ) -> Option<(PilotPath, Vec<VisibleVertex>)> {
         let scene = self.view.scene;
         let start = scene.sample_emission(self.aim, stream.emission())?;
         let mut walk = WeightedWalk::light(scene, &start, self.light_merging, self.merge_rule);
-        let mut glimpses = Vec::new();
+        let mut visible = Vec::new();
         let connects = self.strategies.connects();
         let mut caustic = false;
         for n in 1..=self.settings.max_vertices {
@@ -179,28 +179,30 @@ impl Iteration<'_> {
                 (false, _) => 1.0,
                 // Light sampling covers it.
                 (true, true) => 0.0,
-                (true, _) => EASY,
+                (true, _) => EASY_WEIGHT,
             };
             if !vertex.is_delta() {
-                glimpses.extend(self.glimpse(&vertex, weight));
+                visible.extend(self.visible_vertex(&vertex, weight));
             }
             let Some(drawn) = walk.scatter(&vertex, u.lobe) else {
                 break;
             };
-            caustic |= drawn == Onward::Dirac
-                || (drawn == Onward::Smooth
+            caustic |= drawn == ScatterKind::Dirac
+                || (drawn == ScatterKind::Smooth
                     && vertex.alpha < SHARP
                     && vertex.bsdf.is_delta_at(0.0));
-            if n + EARLIER >= self.settings.roulette_start && walk.survive(u.roulette).is_none() {
+            if n + ROULETTE_LEAD >= self.settings.roulette_start
+                && walk.survive(u.roulette).is_none()
+            {
                 break;
             }
         }
-        let arrival = (!glimpses.is_empty()).then(|| arrival(scene, &start, targets));
-        Some((arrival?, glimpses))
+        let path = (!visible.is_empty()).then(|| pilot_path(scene, &start, targets));
+        Some((path?, visible))
     }
 
     /// Contribution of a light path's vertex, if need be straight through sharp surfaces; `None` if it is hidden.
-    fn glimpse(&self, vertex: &Vertex, weight: f64) -> Option<Glimpse> {
+    fn visible_vertex(&self, vertex: &Vertex, weight: f64) -> Option<VisibleVertex> {
         let scene = self.view.scene;
         let sight = (self.view.sensor).see(vertex.surface.position, Vec2::ZERO)?;
         let eval = vertex.towards_camera(sight.wo)?;
@@ -224,7 +226,7 @@ impl Iteration<'_> {
         let value = f64::from(value) * f64::from(sight.pdf_area(vertex.cos(sight.wo)));
         let frame = self.view.sensor.frame;
         let cell = sight.pixel * CELLS / frame;
-        (value > 0.0 && value.is_finite()).then_some(Glimpse {
+        (value > 0.0 && value.is_finite()).then_some(VisibleVertex {
             cell: (cell.y * CELLS + cell.x) as usize,
             value,
             weight,
@@ -232,7 +234,7 @@ impl Iteration<'_> {
     }
 }
 
-fn arrival(scene: &Scene, start: &EmissionSample, targets: &[Target]) -> Arrival {
+fn pilot_path(scene: &Scene, start: &EmissionSample, targets: &[Target]) -> PilotPath {
     let drawn = if start.pdf.infinite {
         start.pdf.position
     } else {
@@ -240,30 +242,30 @@ fn arrival(scene: &Scene, start: &EmissionSample, targets: &[Target]) -> Arrival
     };
     let (uniform, aimed) = scene.lights().pdf_parts(start, targets);
     let over = |pdf: f32| f64::from(pdf) / f64::from(drawn);
-    Arrival {
+    PilotPath {
         light: start.light,
         squared: 0.0,
         parts: std::iter::once(uniform).chain(aimed).map(over).collect(),
     }
 }
 
-/// The beam with the least second moment over these arrivals; `None` if it gains little.
+/// The beam with the least second moment over these paths; `None` if it gains little.
 ///
 /// ∫ f²/p is convex in the shares. Its derivative by share i is −∫ f² pᵢ/p²; each iteration multiplies share i by the
 /// root of ∫ f² pᵢ/p², until these factors are equal.
-fn beam<'a>(targets: &[Target], found: impl Iterator<Item = &'a Arrival>) -> Option<Beam> {
-    let found: Vec<&Arrival> = found.collect();
+fn beam<'a>(targets: &[Target], found: impl Iterator<Item = &'a PilotPath>) -> Option<Beam> {
+    let found: Vec<&PilotPath> = found.collect();
     let mut shares = vec![0.5 / targets.len() as f64; targets.len() + 1];
     shares[0] = 0.5;
-    let density = |shares: &[f64], arrival: &Arrival| -> f64 {
-        shares.iter().zip(&arrival.parts).map(|(q, p)| q * p).sum()
+    let density = |shares: &[f64], path: &PilotPath| -> f64 {
+        shares.iter().zip(&path.parts).map(|(q, p)| q * p).sum()
     };
     for _ in 0..40 {
         let mut slopes = vec![0.0; shares.len()];
-        for arrival in &found {
-            let p = density(&shares, arrival);
-            for (slope, part) in slopes.iter_mut().zip(&arrival.parts) {
-                *slope += arrival.squared * part / (p * p);
+        for path in &found {
+            let p = density(&shares, path);
+            for (slope, part) in slopes.iter_mut().zip(&path.parts) {
+                *slope += path.squared * part / (p * p);
             }
         }
         for (share, slope) in shares.iter_mut().zip(&slopes) {
@@ -272,23 +274,20 @@ fn beam<'a>(targets: &[Target], found: impl Iterator<Item = &'a Arrival>) -> Opt
         normalise(&mut shares);
     }
     for share in &mut shares[1..] {
-        if *share < LEAST_SHARE {
+        if *share < MIN_SHARE {
             *share = 0.0;
         }
     }
     normalise(&mut shares);
-    let moment = |p: &dyn Fn(&Arrival) -> f64| -> f64 {
-        found
-            .iter()
-            .map(|arrival| arrival.squared / p(arrival))
-            .sum()
+    let moment = |p: &dyn Fn(&PilotPath) -> f64| -> f64 {
+        found.iter().map(|path| path.squared / p(path)).sum()
     };
     let (aimed, uniform) = (
-        moment(&|arrival| density(&shares, arrival)),
-        moment(&|arrival| arrival.parts[0]),
+        moment(&|path| density(&shares, path)),
+        moment(&|path| path.parts[0]),
     );
     // Also false for a NaN moment.
-    let worth = aimed < WORTH * uniform;
+    let worth = aimed < MAX_MOMENT_RATIO * uniform;
     if !worth {
         return None;
     }
@@ -339,14 +338,14 @@ fn candidates(view: &View<'_>, around: f32) -> Vec<Target> {
         targets.extend(clusters.filter(wide).map(grown));
     };
     add(
-        clustered(sharp_triangles(scene), MOST_SHARP, reach),
+        clustered(sharp_triangles(scene), MAX_SHARP_TARGETS, reach),
         0.0,
-        WIDEST_SHARP,
+        MAX_SHARP_RADIUS,
     );
     add(
-        clustered(seen_points(view), MOST_SEEN, reach),
+        clustered(visible_points(view), MAX_VISIBLE_TARGETS, reach),
         around,
-        WIDEST_SEEN,
+        MAX_VISIBLE_RADIUS,
     );
     targets
 }
@@ -364,23 +363,23 @@ fn sharp_triangles(scene: &Scene) -> Vec<Vec<Vec3>> {
         return Vec::new();
     }
     let geometry = scene.geometry();
-    let some = geometry.some_of(MOST_ITEMS, |material| sharp[material as usize]);
+    let some = geometry.some_of(MAX_ITEMS, |material| sharp[material as usize]);
     let corners = |i| geometry.triangle(i).to_vec();
     some.into_iter().map(corners).collect()
 }
 
 /// Visible points over a lattice of camera rays, which follow Dirac lobes.
-fn seen_points(view: &View<'_>) -> Vec<Vec<Vec3>> {
+fn visible_points(view: &View<'_>) -> Vec<Vec<Vec3>> {
     let frame = view.sensor.frame.as_vec2();
-    let seen = |i: u32| {
+    let visible = |i: u32| {
         let at = (UVec2::new(i % LATTICE, i / LATTICE).as_vec2() + 0.5) / LATTICE as f32;
-        seen_point(view.scene, view.sensor.ray(at * frame))
+        visible_point(view.scene, view.sensor.ray(at * frame))
     };
-    let points = (0..LATTICE * LATTICE).filter_map(seen);
+    let points = (0..LATTICE * LATTICE).filter_map(visible);
     points.map(|point| vec![point]).collect()
 }
 
-fn seen_point(scene: &Scene, mut ray: Ray) -> Option<Vec3> {
+fn visible_point(scene: &Scene, mut ray: Ray) -> Option<Vec3> {
     for _ in 0..MAX_SHARP {
         let hit = scene.intersect(&ray)?;
         let mut surface = scene.surface(&hit);

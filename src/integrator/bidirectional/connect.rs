@@ -2,7 +2,7 @@
 //! are zero, and the ray costs most.
 
 use super::iteration::Iteration;
-use super::split::Trail;
+use super::split::LightSummary;
 use super::vertex::Vertex;
 use super::walk::WeightedWalk;
 use super::weights::{self, End};
@@ -200,7 +200,7 @@ impl Iteration<'_> {
     pub(super) fn connect_to_camera(
         &self,
         vertex: &Vertex,
-        trail: &Trail,
+        summary: &LightSummary,
         through: Vec2,
     ) -> Option<Splat> {
         let scene = self.view.scene;
@@ -224,7 +224,7 @@ impl Iteration<'_> {
         });
         let mut ray = vertex.surface.spawn(sight.wo);
         ray.t_max = sight.distance;
-        let part = self.seen_part(vertex, trail, sight.wo);
+        let part = self.seen_part(vertex, summary, sight.wo);
         if weight == 0.0 || part == Rgb::ZERO {
             return None;
         }

@@ -1,6 +1,6 @@
 //! Settings of a bidirectional path tracer.
 
-use super::{Aimed, Radius, Strategies};
+use super::{AimCache, Radius, Strategies};
 use crate::regularise::Accumulated;
 use crate::sampler::SamplerKind;
 
@@ -37,5 +37,5 @@ pub struct Bidirectional {
     /// independent numbers, so that samples are independent and variance estimates of the film unbiased.
     pub sampler: SamplerKind,
     /// Cached aim of the last view.
-    pub aimed: Aimed,
+    pub aim_cache: AimCache,
 }

@@ -3,9 +3,9 @@
 use super::iteration::Iteration;
 use super::paths::point;
 use super::photons::{MAX_HEIGHT, MIN_COS, PhotonMap, is_within};
-use super::split::Prefix;
+use super::split::CameraSummary;
 use super::vertex::Vertex;
-use super::walk::Sharp;
+use super::walk::SharpScatter;
 use super::weights;
 use crate::image::level_film::{Features, MAX_LEVELS};
 use crate::integrator::walk::features::PathFeatures;
@@ -47,12 +47,12 @@ impl Iteration<'_> {
     pub(super) fn merges(
         &self,
         vertex: &Vertex,
-        prefix: &Prefix<'_>,
+        prefix: &CameraSummary<'_>,
         map: &PhotonMap,
         probes: &mut impl Sampler,
     ) -> Rgb {
         let mut sum = Rgb::ZERO;
-        map.around(vertex, |photon, arrived, trail| {
+        map.around(vertex, |photon, arrived, summary| {
             // Both walks count the merged vertex.
             if vertex.n + photon.n() - 1 > self.settings.max_vertices {
                 return;
@@ -71,8 +71,8 @@ impl Iteration<'_> {
                 vertex.pdf_back(photon.back),
                 &self.merging,
             );
-            let part = match trail {
-                Some(trail) => prefix.merged(vertex, photon.first(), photon.back, trail),
+            let part = match summary {
+                Some(summary) => prefix.merged(vertex, photon.first(), photon.back, summary),
                 None => Rgb::ONE,
             };
             sum += part * eval.value * arrived.flux * weight;
@@ -162,9 +162,9 @@ impl Iteration<'_> {
                 total.add_shared(light);
             }
             match walk.follow_sharp(&vertex, u.lobe) {
-                Some(Sharp::Drawn(drawn)) => (from, pdf_w) = (vertex.surface.position, drawn),
+                Some(SharpScatter::Drawn(pdf)) => (from, pdf_w) = (vertex.surface.position, pdf),
                 // Light samples pass panes too: the MIS weight stays that of the previous draw.
-                Some(Sharp::Straight) => {}
+                Some(SharpScatter::Straight) => {}
                 None => break,
             }
             if n >= settings.roulette_start && walk.survive(u.roulette).is_none() {

@@ -11,11 +11,11 @@
 //! | file | contents |
 //! |---|---|
 //! | `estimator` | the settings |
-//! | `aim`, `aimed` | targets of light paths: surfaces that throw caustics, and visible surfaces |
+//! | `aim`, `aim_cache` | targets of light paths: surfaces that throw caustics, and visible surfaces |
 //! | `weights` | multiple importance sampling over all strategies: pure recursions |
 //! | `vertex` | a scattering vertex: its value, the densities of both walks, and whether its neighbours may merge |
 //! | `walk` | one walk from either end: edges, draws, partial sums of the weights |
-//! | `guides` | the features of camera paths that guide blurs of the picture |
+//! | `path_features` | the features of camera paths that guide blurs of the picture |
 //! | `strategies` | strategies, and sums of contributions over them |
 //! | `iteration` | scene, settings and random numbers of one iteration |
 //! | `paths` | light paths and camera paths, closed by all strategies |
@@ -29,16 +29,16 @@
 //! | `split` | learned roughening of paths that no strategy samples well |
 
 mod aim;
-mod aimed;
+mod aim_cache;
 #[cfg(test)]
 #[path = "../../../tests/unit/audit/mod.rs"]
 mod audit;
 mod connect;
 mod estimator;
-mod guides;
 mod iteration;
 mod merge;
 mod pair;
+mod path_features;
 mod paths;
 mod photons;
 mod psr;
@@ -51,7 +51,7 @@ mod walk;
 mod weights;
 
 use super::{Integrator, Picture, View};
-pub use aimed::Aimed;
+pub use aim_cache::AimCache;
 pub use estimator::Bidirectional;
 pub(crate) use estimator::MAX_LIGHT_PATHS;
 pub(super) use pair::Pairs;

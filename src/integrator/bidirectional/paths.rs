@@ -3,10 +3,10 @@
 use super::iteration::Iteration;
 use super::photons::PhotonMap;
 use super::psr::{Chain, Ends};
-use super::split::{Prefix, Trail};
+use super::split::{CameraSummary, LightSummary};
 use super::strategies::{Strategies, Strategy, Total};
 use super::vertex::Vertex;
-use super::walk::{Onward, WeightedWalk};
+use super::walk::{ScatterKind, WeightedWalk};
 use super::weights::Partial;
 use crate::image::splat::Splat;
 use crate::integrator::walk::observer::PathObserver;
@@ -17,7 +17,7 @@ use crate::sampler::Sampler;
 use crate::scene::sensor::RayDensity;
 
 /// Vertices by which roulette of light walks begins earlier: each is connected to all vertices of a camera walk.
-pub(super) const EARLIER: u32 = 3;
+pub(super) const ROULETTE_LEAD: u32 = 3;
 
 /// Share of a camera path's value so far below which a connection is subject to Russian roulette: most shadow rays
 /// would gain hardly any light.
@@ -27,7 +27,7 @@ const MIN_SHARE: f32 = 0.1;
 #[derive(Default)]
 pub(super) struct LightPath {
     vertices: Vec<Vertex>,
-    trails: Vec<Trail>,
+    summaries: Vec<LightSummary>,
     ends: Ends,
 }
 
@@ -39,9 +39,11 @@ impl Iteration<'_> {
         let path = (number % u64::from(map.paths())) as u32;
         let most = self.settings.max_vertices - 1;
         let LightPath {
-            vertices, trails, ..
+            vertices,
+            summaries,
+            ..
         } = light;
-        map.of_path(path, most, self.view.scene, vertices, trails);
+        map.of_path(path, most, self.view.scene, vertices, summaries);
     }
 
     /// Traces a light path and stores its vertices in `light`, for one camera path.
@@ -53,15 +55,15 @@ impl Iteration<'_> {
     ) {
         let LightPath {
             vertices,
-            trails,
+            summaries,
             ends,
         } = light;
         vertices.clear();
-        trails.clear();
+        summaries.clear();
         ends.clear();
-        let keep = |v, trail| {
+        let keep = |v, summary| {
             vertices.push(v);
-            trails.push(trail);
+            summaries.push(summary);
         };
         self.light_path(stream, keep, ends, splats);
     }
@@ -70,7 +72,7 @@ impl Iteration<'_> {
     pub(super) fn light_path(
         &self,
         stream: &mut impl Sampler,
-        mut keep: impl FnMut(Vertex, Trail),
+        mut keep: impl FnMut(Vertex, LightSummary),
         ends: &mut Ends,
         splats: &mut Vec<Splat>,
     ) {
@@ -81,7 +83,7 @@ impl Iteration<'_> {
         };
         let mut walk = WeightedWalk::light(scene, &start, self.light_merging, self.merge_rule);
         let mut chain = Chain::default();
-        let mut trail = Trail::START;
+        let mut summary = LightSummary::START;
         for n in 1..=self.settings.max_vertices {
             let Some(arrival) = walk.arrive(stream) else {
                 return;
@@ -95,8 +97,8 @@ impl Iteration<'_> {
             if strategies != Strategies::Density
                 && !self.settings.light_sampling_only
                 && !vertex.is_delta()
-                && strategies.shows(Strategy::Connection { s: n + 1, t: 1 })
-                && let Some(splat) = self.connect_to_camera(&vertex, &trail, through)
+                && strategies.includes(Strategy::Connection { s: n + 1, t: 1 })
+                && let Some(splat) = self.connect_to_camera(&vertex, &summary, through)
             {
                 splats.push(splat);
             }
@@ -119,14 +121,14 @@ impl Iteration<'_> {
                 merges && vertex.merges && (!vertex.is_delta() || vertex.chooses_bsdf(scene));
             let connected = more && strategies.connects() && !vertex.is_delta();
             if merged || connected {
-                keep(vertex, trail);
+                keep(vertex, summary);
             }
-            if let Some(smooth) = drawn.and_then(Onward::smooth) {
-                trail = self.trail(trail, &vertex, walk.dir(), smooth);
+            if let Some(smooth) = drawn.and_then(ScatterKind::smooth) {
+                summary = self.summary(summary, &vertex, walk.dir(), smooth);
             }
             let goes_on = more && drawn.is_some();
             if !goes_on
-                || (n + EARLIER >= self.settings.roulette_start
+                || (n + ROULETTE_LEAD >= self.settings.roulette_start
                     && walk.survive(u.roulette).is_none())
             {
                 return;
@@ -195,23 +197,23 @@ impl Iteration<'_> {
         let mut probes = self.probe_stream(pixel);
         let mut total = Total::new(strategies);
         // True until the first draw from a non-Dirac lobe.
-        let mut is_seen = true;
+        let mut dirac_only = true;
         for n in 1..=self.settings.max_vertices + 1 {
             let edge = |s| Strategy::Connection { s, t: n + 1 };
             let Some(arrival) = walk.arrive(stream) else {
-                let met = prefix.met * self.environment(&walk, n);
-                total.add(edge(0), met);
-                if is_seen {
-                    observer.seen(met);
+                let emission = prefix.easy_emission * self.environment(&walk, n);
+                total.add(edge(0), emission);
+                if dirac_only {
+                    observer.dirac_only_light(emission);
                 }
                 break;
             };
             let mut u = stream.vertex();
             let vertex = walk.vertex(n, &arrival, u.material);
-            let met = prefix.met * self.emitter(&walk, &vertex);
-            total.add(edge(0), met);
-            if is_seen {
-                observer.seen(met);
+            let emission = prefix.easy_emission * self.emitter(&walk, &vertex);
+            total.add(edge(0), emission);
+            if dirac_only {
+                observer.dirac_only_light(emission);
             }
             if n > self.settings.max_vertices {
                 break;
@@ -229,23 +231,23 @@ impl Iteration<'_> {
                 }
             }
             if strategies == Strategies::All {
-                total.show(self.hard_part(&prefix, &vertex, share, &u));
+                total.add_extra(self.hard_part(&prefix, &vertex, share, &u));
             }
-            let lobe = match is_seen {
+            let lobe = match dirac_only {
                 true => ways.choose(&vertex.bsdf, vertex.alpha, vertex.local, u.lobe),
                 false => u.lobe,
             };
             let drawn = walk.scatter(&vertex, lobe);
-            let is_first = is_seen && drawn == Some(Onward::Smooth);
-            if let Some(smooth) = drawn.and_then(Onward::smooth) {
-                is_seen &= !smooth;
+            let is_first = dirac_only && drawn == Some(ScatterKind::Smooth);
+            if let Some(smooth) = drawn.and_then(ScatterKind::smooth) {
+                dirac_only &= !smooth;
                 prefix.scatter(&vertex, walk.dir(), smooth, share);
             }
             let (ends, length) = ((&mut chain, &light.ends), walk.length);
             let value = self.regularised(&walk, &vertex, length, drawn, u.light, ends);
-            total.show(value);
+            total.add_extra(value);
             match drawn {
-                Some(drawn) if strategies.connects() || drawn != Onward::Smooth => {}
+                Some(drawn) if strategies.connects() || drawn != ScatterKind::Smooth => {}
                 _ => break,
             }
             if is_first
@@ -259,7 +261,7 @@ impl Iteration<'_> {
                 break;
             }
         }
-        total.shown
+        total.included
     }
 
     /// Adds the connections of a vertex of a camera walk to those of a light path.
@@ -268,12 +270,12 @@ impl Iteration<'_> {
         &self,
         vertex: &Vertex,
         light: &LightPath,
-        prefix: &Prefix<'_>,
+        prefix: &CameraSummary<'_>,
         u: f32,
         total: &mut Total,
     ) {
         let least = MIN_SHARE * total.all.max_element();
-        for (other, trail) in light.vertices.iter().zip(&light.trails) {
+        for (other, summary) in light.vertices.iter().zip(&light.summaries) {
             if vertex.n + other.n > self.settings.max_vertices {
                 break;
             }
@@ -281,7 +283,7 @@ impl Iteration<'_> {
             if other.is_delta() {
                 continue;
             }
-            let part = prefix.connected(vertex, other, trail);
+            let part = prefix.connected(vertex, other, summary);
             if part != Rgb::ZERO {
                 let u = (u + 0.618_034 * other.n as f32).fract();
                 let value = part * self.connection(vertex, other, (least, u));

@@ -4,7 +4,7 @@
 //! fixed order and each once: cells that share a bucket count no photon twice. A bucket holds its photons in the order
 //! of their light paths, so that sums are bit-identical at any number of threads.
 
-use super::split::Trail;
+use super::split::LightSummary;
 use super::vertex::Vertex;
 use super::weights::Partial;
 use crate::integrator::walk::Surroundings;
@@ -121,14 +121,14 @@ pub(super) struct LightVertices {
     /// Index of refraction at each vertex; empty if every interface has the same index for all paths.
     etas: Vec<Option<f32>>,
     /// One per vertex, or empty.
-    trails: Vec<Trail>,
+    summaries: Vec<LightSummary>,
     /// For each path, the index of the vertex after its last.
     ends: Vec<u32>,
 }
 
 impl LightVertices {
     /// Adds a vertex to the current path.
-    pub(super) fn push(&mut self, vertex: &Vertex, scene: &Scene, trail: Option<Trail>) {
+    pub(super) fn push(&mut self, vertex: &Vertex, scene: &Scene, summary: Option<LightSummary>) {
         let photon = Photon::new(vertex);
         let arrived = Arrived {
             flux: vertex.throughput,
@@ -151,7 +151,7 @@ impl LightVertices {
         let shares = scene.geometry().instances() > 0;
         (self.instances).extend(shares.then_some(vertex.hit.triangle.instance()));
         (self.etas).extend(scene.has_paths_indices().then(|| vertex.bsdf.eta()));
-        self.trails.extend(trail);
+        self.summaries.extend(summary);
     }
 
     /// Ends the current path.
@@ -178,7 +178,7 @@ impl LightVertices {
         extend(&mut self.numbers, numbers.collect(), share);
         extend(&mut self.instances, other.instances, share);
         extend(&mut self.etas, other.etas, share);
-        extend(&mut self.trails, other.trails, share);
+        extend(&mut self.summaries, other.summaries, share);
         let ends = other.ends.iter().map(|end| first + end);
         extend(&mut self.ends, ends.collect(), share);
     }
@@ -190,10 +190,10 @@ impl LightVertices {
         // Up to two buckets of four bytes. During the sort also a key, an index, and a copy of one list.
         let merging = size_of::<Place>() + 8 + 8 + size_of::<Photon>();
         let by_place = self.photons.len() * merging;
-        let trails = 2 * self.trails.len() * size_of::<Trail>();
+        let summaries = 2 * self.summaries.len() * size_of::<LightSummary>();
         let instances = size_of_val(self.instances.as_slice());
         let etas = size_of_val(self.etas.as_slice());
-        (by_path + by_place + trails + instances + etas) / self.ends.len().max(1) + 4
+        (by_path + by_place + summaries + instances + etas) / self.ends.len().max(1) + 4
     }
 }
 
@@ -219,8 +219,8 @@ pub(super) struct PhotonMap {
     /// The light vertices; those that merge are sorted by bucket. Positions are a separate list, since most photons
     /// that a query tests do not merge.
     vertices: LightVertices,
-    /// Trails of the vertices that merge, sorted by bucket; or empty.
-    trails: Vec<Trail>,
+    /// Summaries of the vertices that merge, sorted by bucket; or empty.
+    summaries: Vec<LightSummary>,
 }
 
 /// Position of a photon; its geometric normal in units of 1/127, and 1 if it arrives on the normal's side, else 0.
@@ -258,7 +258,7 @@ impl PhotonMap {
             scale: 0.5 / f64::from(radius),
             buckets: vec![0; size + 1],
             vertices: LightVertices::default(),
-            trails: Vec::new(),
+            summaries: Vec::new(),
         };
         let cell = |p: &Place| {
             let place = map.place(p.position).floor();
@@ -286,11 +286,11 @@ impl PhotonMap {
         gather(&mut vertices.places, &sorted);
         gather(&mut vertices.arrived, &sorted);
         gather(&mut vertices.photons, &sorted);
-        if !vertices.trails.is_empty() {
-            let pairs = vertices.numbers.iter().zip(&vertices.trails);
+        if !vertices.summaries.is_empty() {
+            let pairs = vertices.numbers.iter().zip(&vertices.summaries);
             let merging = pairs.filter(|(number, _)| *number % 2 == 0);
-            map.trails = merging.map(|(_, trail)| *trail).collect();
-            gather(&mut map.trails, &sorted);
+            map.summaries = merging.map(|(_, summary)| *summary).collect();
+            gather(&mut map.summaries, &sorted);
         }
         let merging = vertices.numbers.par_iter_mut();
         let merging = merging.filter(|number| **number % 2 == 0);
@@ -311,7 +311,7 @@ impl PhotonMap {
         most: u32,
         scene: &Scene,
         vertices: &mut Vec<Vertex>,
-        trails: &mut Vec<Trail>,
+        summaries: &mut Vec<LightSummary>,
     ) {
         let path = path as usize;
         let LightVertices {
@@ -321,13 +321,13 @@ impl PhotonMap {
             numbers,
             instances,
             etas,
-            trails: known,
+            summaries: known,
             ends,
             ..
         } = &self.vertices;
         let first = if path == 0 { 0 } else { ends[path - 1] };
         vertices.clear();
-        trails.clear();
+        summaries.clear();
         let range = first as usize..ends[path] as usize;
         for (i, number) in range.clone().zip(&numbers[range]) {
             let at = *number as usize / 2;
@@ -341,14 +341,14 @@ impl PhotonMap {
             let instance = instances.get(i).copied().unwrap_or(0);
             let eta = etas.get(i).copied().flatten();
             vertices.push(photon.vertex(arrived, scene, instance, eta));
-            trails.push(known.get(i).copied().unwrap_or(Trail::START));
+            summaries.push(known.get(i).copied().unwrap_or(LightSummary::START));
         }
     }
 
-    /// Trail of a photon, if trails are stored.
+    /// Summary of the walk of a photon, if summaries are stored.
     #[inline]
-    fn trail(&self, index: u32) -> Option<&Trail> {
-        self.trails.get(index as usize)
+    fn summary(&self, index: u32) -> Option<&LightSummary> {
+        self.summaries.get(index as usize)
     }
 
     /// A point in units of cells.
@@ -361,10 +361,10 @@ impl PhotonMap {
     pub(super) fn around(
         &self,
         vertex: &Vertex,
-        mut visit: impl FnMut(&Photon, &Arrived, Option<&Trail>),
+        mut visit: impl FnMut(&Photon, &Arrived, Option<&LightSummary>),
     ) {
-        self.around_from(vertex, |photon, arrived, trail, _| {
-            visit(photon, arrived, trail);
+        self.around_from(vertex, |photon, arrived, summary, _| {
+            visit(photon, arrived, summary);
         });
     }
 
@@ -373,7 +373,7 @@ impl PhotonMap {
     pub(super) fn around_from(
         &self,
         vertex: &Vertex,
-        mut visit: impl FnMut(&Photon, &Arrived, Option<&Trail>, Vec3),
+        mut visit: impl FnMut(&Photon, &Arrived, Option<&LightSummary>, Vec3),
     ) {
         let (p, ng) = (vertex.surface.position, vertex.surface.ng);
         let [x, y, z] = (self.place(p) - 0.5).floor().to_array().map(|x| x as i64);
@@ -410,7 +410,7 @@ impl PhotonMap {
         &self,
         near: &[u32],
         (p, ng): (Vec3, Vec3),
-        visit: &mut impl FnMut(&Photon, &Arrived, Option<&Trail>, Vec3),
+        visit: &mut impl FnMut(&Photon, &Arrived, Option<&LightSummary>, Vec3),
     ) {
         let LightVertices {
             photons,
@@ -426,10 +426,10 @@ impl PhotonMap {
             *there = (photons[index as usize].back.dot(ng) > 0.0) == outside;
         }
         for (&index, _) in near.iter().zip(there).filter(|(_, there)| *there) {
-            let trail = self.trail(index);
+            let summary = self.summary(index);
             let index = index as usize;
             let to = places[index].position - p;
-            visit(&photons[index], &arrived[index], trail, to);
+            visit(&photons[index], &arrived[index], summary, to);
         }
     }
 }

@@ -8,7 +8,7 @@
 
 use super::iteration::Iteration;
 use super::vertex::Vertex;
-use super::walk::{Onward, WeightedWalk};
+use super::walk::{ScatterKind, WeightedWalk};
 use crate::image::splat::Splat;
 use crate::integrator::walk::Surroundings;
 use crate::integrator::walk::cone::Cone;
@@ -116,7 +116,7 @@ impl Iteration<'_> {
         start: &EmissionSample,
         walk: &WeightedWalk<'_>,
         vertex: &Vertex,
-        (drawn, through): (Option<Onward>, Vec2),
+        (drawn, through): (Option<ScatterKind>, Vec2),
         (chain, ends, splats): (&mut Chain, &mut Ends, &mut Vec<Splat>),
     ) {
         let Some(radius) = self
@@ -133,7 +133,7 @@ impl Iteration<'_> {
         if !vertex.is_delta() {
             ends.smooth.push((*vertex, chain.with(false, edge)));
         }
-        let Some(smooth) = drawn.and_then(Onward::smooth) else {
+        let Some(smooth) = drawn.and_then(ScatterKind::smooth) else {
             return;
         };
         *chain = chain.with(!smooth, edge);
@@ -175,7 +175,7 @@ impl Iteration<'_> {
         walk: &WeightedWalk<'_>,
         vertex: &Vertex,
         distance: f32,
-        drawn: Option<Onward>,
+        drawn: Option<ScatterKind>,
         u: LightU,
         (chain, light): (&mut Chain, &Ends),
     ) -> Rgb {
@@ -190,7 +190,7 @@ impl Iteration<'_> {
                     self.smooth_to_dirac(vertex, end, radius, |length| here.closes(there, length));
             }
         }
-        let Some(smooth) = drawn.and_then(Onward::smooth) else {
+        let Some(smooth) = drawn.and_then(ScatterKind::smooth) else {
             return total;
         };
         *chain = chain.with(!smooth, distance);

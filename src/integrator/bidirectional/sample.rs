@@ -3,9 +3,9 @@
 //! All pixels share the light paths. If the first sample is stopped, the splats and photons so far are scaled up to
 //! stand for all, and a pixel has a sample if its camera path was traced. The expectation stays the same.
 
-use super::guides::Guides;
 use super::iteration::Iteration;
 use super::merge::Densities;
+use super::path_features::PathFeatureRecorder;
 use super::paths::LightPath;
 use super::photons::{LightVertices, PhotonMap};
 use super::psr::Ends;
@@ -86,14 +86,14 @@ impl Iteration<'_> {
             };
         }
         if self.settings.batched {
-            let mut guides = Guides::new(self.view.window, aovs.take());
-            let added = self.run(layer, &mut guides);
+            let mut recorder = PathFeatureRecorder::new(self.view.window, aovs.take());
+            let added = self.run(layer, &mut recorder);
             if added.is_some() {
                 let blank = || LevelFilm::new(film.size, film.window, 1);
                 let levels = levels.get_or_insert_with(blank);
-                guides.push(self.sample, &layer.sums, levels);
+                recorder.push(self.sample, &layer.sums, levels);
             }
-            *aovs = guides.aovs();
+            *aovs = recorder.aovs();
             added?;
         } else {
             match aovs {
@@ -177,7 +177,7 @@ impl Iteration<'_> {
         };
         let scene = self.view.scene;
         for path in paths {
-            let keep = |v, trail| (chunk.vertices).push(&v, scene, self.rule.map(|_| trail));
+            let keep = |v, summary| (chunk.vertices).push(&v, scene, self.rule.map(|_| summary));
             let stream = &mut self.light_stream(path);
             self.light_path(stream, keep, &mut Ends::default(), &mut chunk.splats);
             chunk.vertices.end();

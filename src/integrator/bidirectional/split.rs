@@ -111,14 +111,14 @@ impl Vertex {
 
 /// Roughness of the edges of a walk so far.
 #[derive(Clone, Copy, Debug)]
-struct Reach {
+struct EdgeRoughness {
     /// Roughness of the best edge.
     best: f32,
     /// Roughness of the last vertex.
     last: f32,
 }
 
-impl Reach {
+impl EdgeRoughness {
     /// The camera or a light.
     const END: Self = Self {
         best: 0.0,
@@ -148,22 +148,22 @@ impl Reach {
 
 /// Summary of a light walk before a stored vertex.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Trail {
-    reach: Reach,
+pub(super) struct LightSummary {
+    reach: EdgeRoughness,
     /// Share of the glossy lobe at the path's last vertex, the first of the light walk.
     gloss: Rgb,
 }
 
-const _: () = assert!(size_of::<Trail>() == 20);
+const _: () = assert!(size_of::<LightSummary>() == 20);
 
-impl Trail {
+impl LightSummary {
     /// The light itself.
     pub(super) const START: Self = Self {
-        reach: Reach::END,
+        reach: EdgeRoughness::END,
         gloss: Rgb::ZERO,
     };
 
-    /// The trail after a vertex with these lobes.
+    /// The summary after a vertex with these lobes.
     #[inline]
     fn with(self, vertex: &Vertex, event: Event, merges: bool) -> Self {
         if vertex.first {
@@ -183,18 +183,18 @@ impl Trail {
 
 /// Summary of a camera walk so far.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Prefix<'a> {
+pub(super) struct CameraSummary<'a> {
     rule: Option<&'a Accumulated>,
     memory: AccumulatedPath,
-    reach: Reach,
+    reach: EdgeRoughness,
     /// True if the walk has followed a non-Dirac lobe.
     smooth: bool,
     merges: bool,
     /// Easy part of emission at the end of the walk's current edge.
-    pub(super) met: Rgb,
+    pub(super) easy_emission: Rgb,
 }
 
-impl Prefix<'_> {
+impl CameraSummary<'_> {
     /// Share h of the glossy lobe that is roughened if this vertex is the path's last.
     #[inline]
     pub(super) fn share(&self, vertex: &Vertex) -> f32 {
@@ -207,38 +207,44 @@ impl Prefix<'_> {
 
     /// Easy part of a connection to a vertex of a light walk.
     #[inline]
-    pub(super) fn connected(&self, vertex: &Vertex, light: &Vertex, trail: &Trail) -> Rgb {
-        if self.rule.is_none() || self.reach.best.max(trail.reach.best) >= ROUGH {
+    pub(super) fn connected(&self, vertex: &Vertex, light: &Vertex, summary: &LightSummary) -> Rgb {
+        if self.rule.is_none() || self.reach.best.max(summary.reach.best) >= ROUGH {
             return Rgb::ONE;
         }
         let dir = (light.surface.position - vertex.surface.position).normalize();
         let here = vertex.event_to_light(dir);
-        let there = trail.with(light, light.event_to_camera(-dir), self.merges);
+        let there = summary.with(light, light.event_to_camera(-dir), self.merges);
         let reach = self.reach.with(here.roughness, self.merges);
         Rgb::ONE - there.gloss * share(reach.join(&there.reach))
     }
 
     /// Easy part of a merge at this vertex with a light walk from `back`; `first` if straight from its light.
     #[inline]
-    pub(super) fn merged(&self, vertex: &Vertex, first: bool, back: Vec3, trail: &Trail) -> Rgb {
-        if self.rule.is_none() || self.reach.best.max(trail.reach.best) >= ROUGH {
+    pub(super) fn merged(
+        &self,
+        vertex: &Vertex,
+        first: bool,
+        back: Vec3,
+        summary: &LightSummary,
+    ) -> Rgb {
+        if self.rule.is_none() || self.reach.best.max(summary.reach.best) >= ROUGH {
             return Rgb::ONE;
         }
         if first {
             return vertex.easy_part(back, self.share(vertex));
         }
         let event = vertex.event_to_light(back);
-        let best = (self.reach.best.max(trail.reach.best)).max(event.roughness);
-        Rgb::ONE - trail.gloss * share(best)
+        let best = (self.reach.best.max(summary.reach.best)).max(event.roughness);
+        Rgb::ONE - summary.gloss * share(best)
     }
 
-    /// Appends a vertex left along `out`, by a Dirac lobe unless `smooth`; `h` is its [share](Prefix::share).
+    /// Appends a vertex left along `out`, by a Dirac lobe unless `smooth`; `h` is its [share](CameraSummary::share).
     #[inline]
     pub(super) fn scatter(&mut self, vertex: &Vertex, out: Vec3, smooth: bool, h: f32) {
         let Some(rule) = self.rule else {
             return;
         };
-        self.met = Rgb::ONE;
+        self.easy_emission = Rgb::ONE;
         if self.reach.best >= ROUGH {
             return;
         }
@@ -247,7 +253,7 @@ impl Prefix<'_> {
         } else {
             Event::DIRAC
         };
-        self.met -= event.gloss * h;
+        self.easy_emission -= event.gloss * h;
         self.smooth |= smooth;
         self.reach = self.reach.with(event.roughness, self.merges);
         let scattered = Scattered {
@@ -261,46 +267,52 @@ impl Prefix<'_> {
 
 impl<'a> Iteration<'a> {
     /// The camera itself.
-    pub(super) fn prefix(&self) -> Prefix<'a> {
-        Prefix {
+    pub(super) fn prefix(&self) -> CameraSummary<'a> {
+        CameraSummary {
             rule: self.rule,
             memory: (self.rule).map_or_else(AccumulatedPath::default, |r| r.start(self.sample)),
-            reach: Reach::END,
+            reach: EdgeRoughness::END,
             smooth: false,
             merges: self.radius > 0.0,
-            met: Rgb::ONE,
+            easy_emission: Rgb::ONE,
         }
     }
 
-    /// A light walk's trail after a vertex that it leaves along `out`, by a Dirac lobe unless `smooth`.
+    /// A light walk's summary after a vertex that it leaves along `out`, by a Dirac lobe unless `smooth`.
     #[inline]
-    pub(super) fn trail(&self, trail: Trail, vertex: &Vertex, out: Vec3, smooth: bool) -> Trail {
-        if self.rule.is_none() || trail.reach.best >= ROUGH {
-            return trail;
+    pub(super) fn summary(
+        &self,
+        summary: LightSummary,
+        vertex: &Vertex,
+        out: Vec3,
+        smooth: bool,
+    ) -> LightSummary {
+        if self.rule.is_none() || summary.reach.best >= ROUGH {
+            return summary;
         }
         let event = if smooth {
             vertex.event_to_camera(out)
         } else {
             Event::DIRAC
         };
-        trail.with(vertex, event, self.radius > 0.0)
+        summary.with(vertex, event, self.radius > 0.0)
     }
 
     /// Easy part of a light walk's vertex connected to the camera along `out`.
     #[inline]
-    pub(super) fn seen_part(&self, vertex: &Vertex, trail: &Trail, out: Vec3) -> Rgb {
+    pub(super) fn seen_part(&self, vertex: &Vertex, summary: &LightSummary, out: Vec3) -> Rgb {
         // A path of one vertex has no prefix.
-        if self.rule.is_none() || vertex.first || trail.reach.best >= ROUGH {
+        if self.rule.is_none() || vertex.first || summary.reach.best >= ROUGH {
             return Rgb::ONE;
         }
-        let there = trail.with(vertex, vertex.event_to_camera(out), self.radius > 0.0);
-        Rgb::ONE - there.gloss * share(Reach::END.join(&there.reach))
+        let there = summary.with(vertex, vertex.event_to_camera(out), self.radius > 0.0);
+        Rgb::ONE - there.gloss * share(EdgeRoughness::END.join(&there.reach))
     }
 
     /// Hard part at a vertex of the camera walk: the share `h` of light through its glossy lobe at roughness α′.
     pub(super) fn hard_part(
         &self,
-        prefix: &Prefix<'_>,
+        prefix: &CameraSummary<'_>,
         vertex: &Vertex,
         h: f32,
         u: &VertexU,

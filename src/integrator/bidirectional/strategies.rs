@@ -67,9 +67,9 @@ impl Strategies {
 
     /// True if the picture includes contributions of this strategy.
     #[inline]
-    pub(super) fn shows(self, strategy: Strategy) -> bool {
+    pub(super) fn includes(self, strategy: Strategy) -> bool {
         match self {
-            Self::One(shown) => shown == strategy,
+            Self::One(one) => one == strategy,
             _ => true,
         }
     }
@@ -81,7 +81,7 @@ pub(super) struct Total {
     /// Sum of the strategies that were computed.
     pub(super) all: Rgb,
     /// Sum of the strategies that the picture shows.
-    pub(super) shown: Rgb,
+    pub(super) included: Rgb,
 }
 
 impl Total {
@@ -89,22 +89,22 @@ impl Total {
         Self {
             strategies,
             all: Rgb::ZERO,
-            shown: Rgb::ZERO,
+            included: Rgb::ZERO,
         }
     }
 
     #[inline]
     pub(super) fn add(&mut self, strategy: Strategy, value: Rgb) {
         self.all += value;
-        if self.strategies.shows(strategy) {
-            self.shown += value;
+        if self.strategies.includes(strategy) {
+            self.included += value;
         }
     }
 
     /// Adds a contribution that belongs to no strategy.
     #[inline]
-    pub(super) fn show(&mut self, value: Rgb) {
+    pub(super) fn add_extra(&mut self, value: Rgb) {
         self.all += value;
-        self.shown += value;
+        self.included += value;
     }
 }

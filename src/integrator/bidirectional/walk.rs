@@ -11,7 +11,7 @@ use crate::scene::{EmissionDensity, EmissionSample, Scene};
 
 /// Continuation of a walk from a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Onward {
+pub(super) enum ScatterKind {
     /// By a draw from a non-Dirac lobe.
     Smooth,
     /// By a Dirac lobe.
@@ -20,7 +20,7 @@ pub(super) enum Onward {
     Straight,
 }
 
-impl Onward {
+impl ScatterKind {
     /// True for a draw from a non-Dirac lobe; `None` if the edge continues.
     #[inline]
     pub(super) fn smooth(self) -> Option<bool> {
@@ -34,7 +34,7 @@ impl Onward {
 
 /// Continuation of a walk of photon density estimation from a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Sharp {
+pub(super) enum SharpScatter {
     /// Along a direction of this density per steradian: 0 for a Dirac lobe.
     Drawn(f32),
     /// Straight through a pane.
@@ -167,7 +167,7 @@ impl<'a> WeightedWalk<'a> {
 
     /// Draws the next direction at a vertex; `None` where the walk ends.
     #[inline]
-    pub(super) fn scatter(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<Onward> {
+    pub(super) fn scatter(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<ScatterKind> {
         let sample = vertex.bsdf.sample(vertex.alpha, vertex.local, u)?;
         let out = vertex.frame.to_world(sample.wi);
         let leaves = match self.base.origin {
@@ -182,7 +182,7 @@ impl<'a> WeightedWalk<'a> {
             self.base.pass(&vertex.surface, &next);
             self.partial = self.start;
             self.travelled = self.length;
-            return (self.base.throughput != Rgb::ZERO).then_some(Onward::Straight);
+            return (self.base.throughput != Rgb::ZERO).then_some(ScatterKind::Straight);
         }
         self.pending = 0.0;
         if sample.delta {
@@ -214,9 +214,9 @@ impl<'a> WeightedWalk<'a> {
         }
         self.leave(vertex, sample.lobe, out);
         let onward = if sample.delta {
-            Onward::Dirac
+            ScatterKind::Dirac
         } else {
-            Onward::Smooth
+            ScatterKind::Smooth
         };
         (self.base.throughput != Rgb::ZERO).then_some(onward)
     }
@@ -231,7 +231,7 @@ impl<'a> WeightedWalk<'a> {
 
     /// Draws the next direction of a camera walk that merges at all rough lobes: `None` where a rough lobe was drawn,
     /// or the walk ends.
-    pub(super) fn follow_sharp(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<Sharp> {
+    pub(super) fn follow_sharp(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<SharpScatter> {
         let sample = vertex.bsdf.sample(vertex.alpha, vertex.local, u)?;
         let out = vertex.frame.to_world(sample.wi);
         let rough = !sample.delta && (sample.lobe == Lobe::Diffuse || vertex.merges_gloss());
@@ -241,7 +241,7 @@ impl<'a> WeightedWalk<'a> {
         if sample.delta && self.is_straight(vertex, sample.lobe) {
             let next = Continuation { wi: out, sample };
             self.base.pass(&vertex.surface, &next);
-            return (self.base.throughput != Rgb::ZERO).then_some(Sharp::Straight);
+            return (self.base.throughput != Rgb::ZERO).then_some(SharpScatter::Straight);
         }
         let mut pdf_w = 0.0;
         self.base.throughput *= if sample.delta {
@@ -252,7 +252,7 @@ impl<'a> WeightedWalk<'a> {
             eval.value / eval.pdf_w
         };
         self.leave(vertex, sample.lobe, out);
-        (self.base.throughput != Rgb::ZERO).then_some(Sharp::Drawn(pdf_w))
+        (self.base.throughput != Rgb::ZERO).then_some(SharpScatter::Drawn(pdf_w))
     }
 
     /// Starts the next edge from a vertex along `out`.

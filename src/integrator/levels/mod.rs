@@ -14,8 +14,8 @@
 //! finds it copy it from there, so that it does not count as bias.
 
 mod factors;
-mod kept;
 mod one;
+mod packed;
 mod tiles;
 mod vertex;
 
@@ -24,7 +24,7 @@ use super::amounts::{LevelError, SCALES, Scales};
 use super::walk::observer::{PathObserver, Recorder};
 use super::walk::roughening::scattered;
 use super::walk::ways::Ways;
-use super::walk::{Arrival, Carried, MetEmission, Walk};
+use super::walk::{Arrival, HitEmission, PendingWeight, Walk};
 use crate::bsdf::Bsdf;
 use crate::image::film::Film;
 use crate::image::level_film::{LevelFilm, MAX_LEVELS};
@@ -32,7 +32,7 @@ use crate::math::Rgb;
 use crate::regularise::{Accumulated, Rule};
 use crate::sampler::{CameraSource, Sampler};
 use factors::{LevelMemory, ScaledFactors};
-use kept::PathSums;
+use packed::PathSums;
 use std::ops::Range;
 use tiles::LevelPaths;
 pub(super) use tiles::{estimate, pass_bytes};
@@ -103,15 +103,15 @@ impl LevelTracer {
         let mut emission = PendingLevels::full();
         let mut made = Bsdf::BLACK;
         // True until the first draw from a non-Dirac lobe.
-        let mut is_seen = true;
+        let mut dirac_only = true;
         for n in 1..=self.max_vertices + 1 {
             let mut arrival = walk.arrive(&mut emission, sampler);
 
             // ── emission at the end of the ray
-            if !emission.is_nothing()
-                && let Some(met) = walk.emission(arrival.as_ref())
+            if !emission.is_zero()
+                && let Some(hit_emission) = walk.emission(arrival.as_ref())
             {
-                sums.add(&emission, &met);
+                sums.add(&emission, &hit_emission);
             }
             let Some(Arrival { hit, surface }) = &mut arrival else {
                 break;
@@ -135,7 +135,7 @@ impl LevelTracer {
             let roughened = alpha < 1.0
                 && !bsdf.is_delta_at(1.0)
                 && memory.roughen(&self.factors, alpha, &mut alphas);
-            let lobe = match is_seen {
+            let lobe = match dirac_only {
                 true => ways.choose(bsdf, alpha, point.wo, u.lobe),
                 false => u.lobe,
             };
@@ -168,8 +168,8 @@ impl LevelTracer {
                 walk.scatter(&vertex, &next);
             }
             let mut roulette = u.roulette;
-            if is_seen && !next.sample.delta {
-                is_seen = false;
+            if dirac_only && !next.sample.delta {
+                dirac_only = false;
                 if !walk.survive_with(ways.survival(), &mut roulette, &mut emission) {
                     break;
                 }
@@ -212,16 +212,16 @@ impl<const N: usize> LevelPaths<N> for LevelTracer {
 impl<const N: usize> PathSums<N> {
     /// Adds emission at a ray's end: weighted as in plain path tracing unless the level roughened the previous vertex.
     #[inline]
-    fn add(&mut self, emission: &PendingLevels<N>, met: &MetEmission<'_>) {
-        let plain = if emission.plain.is_nothing() {
+    fn add(&mut self, emission: &PendingLevels<N>, hit: &HitEmission<'_>) {
+        let plain = if emission.plain.is_zero() {
             Rgb::ZERO
         } else {
-            emission.plain.contribution(met)
+            emission.plain.contribution(hit)
         };
         let Some(roughened) = emission.roughened() else {
             return self.add_shared(plain);
         };
-        let values = roughened.contribution(met.radiance, met.pdf_light());
+        let values = roughened.contribution(hit.radiance, hit.pdf_light());
         for (k, t) in self.levels.iter_mut().enumerate() {
             *t += if roughened.roughens(k) {
                 values[k]

@@ -1,6 +1,6 @@
 //! The picture of a rule's own factors as the only level, with the features of its paths that guide blurs.
 
-use super::kept::PathSums;
+use super::packed::PathSums;
 use super::tiles::LevelPaths;
 use crate::bsdf::{Lobe, SharedNumbers};
 use crate::integrator::path::PathTracer;
@@ -76,9 +76,9 @@ impl<O: PathObserver> PathObserver for Noted<'_, O> {
         self.observer.light(scatterings, value);
     }
     #[inline]
-    fn seen(&mut self, value: Rgb) {
+    fn dirac_only_light(&mut self, value: Rgb) {
         self.way.shared += value;
-        self.observer.seen(value);
+        self.observer.dirac_only_light(value);
     }
     #[inline]
     fn way(&mut self, share: f32) {

@@ -1,6 +1,6 @@
 //! All paths of a film at several levels, tile by tile.
 
-use super::kept::{Path, PathSums, most_words, put, take};
+use super::packed::{Path, PathSums, max_words, pack, unpack};
 use crate::image::film::{Film, FilmBand, Window};
 use crate::image::level_film::{BATCHES, LevelBand, LevelFilm};
 use crate::integrator::View;
@@ -18,11 +18,11 @@ const TILE: u32 = 16;
 
 /// Most words of several samples that are added together; one sample of a large picture may take more. Small pictures
 /// thus get many samples at a time, which keeps threads busy.
-const KEPT: usize = 1 << 24;
+const MAX_PACKED_WORDS: usize = 1 << 24;
 
 /// Largest number of bytes that a pixel takes until a pass is added to its film.
 pub(in crate::integrator) const fn pass_bytes(levels: usize) -> u64 {
-    (size_of::<u32>() * most_words(levels)) as u64
+    (size_of::<u32>() * max_words(levels)) as u64
 }
 
 /// A tracer of paths at up to `N` levels.
@@ -54,7 +54,7 @@ pub(in crate::integrator) fn estimate<const N: usize, T: LevelPaths<N>, O: Recor
     recorder: &mut O,
 ) -> u32 {
     debug_assert_eq!(levels.levels(), tracer.levels());
-    let most = KEPT / (film.window.len() * most_words(tracer.levels())).max(1);
+    let most = MAX_PACKED_WORDS / (film.window.len() * max_words(tracer.levels())).max(1);
     let most = most.clamp(1, u32::MAX as usize) as u32;
     view.driver().samples(samples, most, |some| {
         add(tracer, view, source, some, film, levels, recorder)
@@ -73,7 +73,7 @@ fn add<const N: usize, T: LevelPaths<N>, O: Recorder>(
 ) -> Option<()> {
     let walks = CameraWalks::of(view);
     let windows = film.tiles(TILE);
-    let most = most_words(tracer.levels()) * samples.len();
+    let most = max_words(tracer.levels()) * samples.len();
     // The system commits zeroed memory at the first write: words that no path needs take none.
     let mut words = vec![0; film.window.len() * most];
     let free = Mutex::new(&mut words[..]);
@@ -98,7 +98,7 @@ fn add<const N: usize, T: LevelPaths<N>, O: Recorder>(
                 let sums = tracer.trace(walk, sample, turn, &stream, observer);
                 observer.finish(sums.levels[0]);
                 values.set(&sums);
-                put(&mut values, tracer.levels(), &mut rest);
+                pack(&mut values, tracer.levels(), &mut rest);
             }
         }
         let left = rest.len();
@@ -157,7 +157,7 @@ impl Tile<'_> {
         for index in 0..self.window.len() {
             let at = film.window.index(self.window.pixel(index));
             for sample in samples.clone() {
-                take(&mut values, levels.levels(), &mut words);
+                unpack(&mut values, levels.levels(), &mut words);
                 values.add(at, sample, film, levels);
             }
         }

@@ -5,7 +5,7 @@
 //! h / (p_l + p₀), the balance heuristic.
 
 use crate::bsdf::{Bsdf, BsdfSample, DELTA_ALPHA, Lobe, LobeQuery};
-use crate::integrator::walk::Carried;
+use crate::integrator::walk::PendingWeight;
 use crate::integrator::walk::pending_emission::EmissionWeight;
 use crate::integrator::walk::shading_point::ShadingPoint;
 use crate::math::{Rgb, Vec3};
@@ -279,7 +279,7 @@ impl<const N: usize> PendingLevels<N> {
     }
 }
 
-impl<const N: usize> Carried for PendingLevels<N> {
+impl<const N: usize> PendingWeight for PendingLevels<N> {
     #[inline]
     fn scale(&mut self, factor: Rgb) {
         self.plain.scale(factor);
@@ -287,8 +287,8 @@ impl<const N: usize> Carried for PendingLevels<N> {
     }
 
     #[inline]
-    fn is_nothing(&self) -> bool {
-        self.plain.is_nothing() && !(self.is_roughened && self.roughened.counts)
+    fn is_zero(&self) -> bool {
+        self.plain.is_zero() && !(self.is_roughened && self.roughened.counts)
     }
 }
 

@@ -8,7 +8,7 @@ use crate::sampler::{IndependentStream, Sampler};
 pub(super) const LARGE: f64 = 0.3;
 
 /// Share of the small proposals that keep the light walk, and of those that keep the camera walk.
-const KEPT: f32 = 0.25;
+const ONE_WALK_SHARE: f32 = 0.25;
 
 /// log₂ of the least and the largest small step, of numbers in [0, 1).
 const STEPS: [f32; 2] = [-10.0, -6.0];
@@ -212,8 +212,8 @@ pub(super) fn run(
             true => Step::None,
             false => Step::Small,
         };
-        light.propose(step(part < KEPT));
-        camera.propose(step(part >= 1.0 - KEPT));
+        light.propose(step(part < ONE_WALK_SHARE));
+        camera.propose(step(part >= 1.0 - ONE_WALK_SHARE));
         let mut next = State {
             splats: std::mem::take(&mut spare),
             target: 0.0,

@@ -37,7 +37,7 @@ const PER_CHAIN: u32 = 256;
 const BATCH: u32 = 32;
 
 /// Chains that run in the first pass, even if it is stopped: without chains the picture would be dark.
-const LEAST: u32 = 8;
+const MIN_CHAINS: u32 = 8;
 
 /// Samples of the bootstrap that a thread takes at a time.
 const CHUNK: u32 = 256;
@@ -342,7 +342,8 @@ impl Pass<'_> {
         // A separate layer, since it is scaled by the number of chains that have run.
         let mut of_chains = SplatLayer::new(&self.view.window);
         let mut refused = (0, None);
-        let pieces = Pieces::new(chains, 1).in_batches(BATCH).at_least(LEAST);
+        let pieces = Pieces::new(chains, 1).in_batches(BATCH);
+        let pieces = pieces.at_least(MIN_CHAINS);
         let driver = self.view.driver();
         let factor = driver.run_batches(
             pieces,

@@ -15,7 +15,7 @@ use super::walk::pending_emission::EmissionWeight;
 use super::walk::roughening::{remember, roughen};
 use super::walk::shading_point::Continuation;
 use super::walk::shading_point::PendingEmission;
-use super::walk::{Arrival, Carried, Walk};
+use super::walk::{Arrival, PendingWeight, Walk};
 use crate::bsdf::{Bsdf, Lobe, SharedNumbers};
 use crate::math::Rgb;
 use crate::regularise::Roughening;
@@ -98,14 +98,14 @@ impl<R: Roughening> PathTracer<R> {
             let mut arrival = walk.arrive(&mut emission, sampler);
 
             // ── emission at the end of the ray
-            if !emission.is_nothing()
+            if !emission.is_zero()
                 && directions.counts(arrival.as_ref())
                 && let Some(met) = walk.emission(arrival.as_ref())
             {
                 let found = emission.contribution(&met, observer);
                 observer.light(n - 1, found);
                 if is_seen {
-                    observer.seen(found);
+                    observer.dirac_only_light(found);
                 }
                 directions.met(found);
                 total += found;

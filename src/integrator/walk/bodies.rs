@@ -20,7 +20,7 @@ pub(in crate::integrator) struct EnclosingBodies {
     materials: [u32; MAX_BODIES],
     len: u32,
     /// Number of dropped bodies, which enclose the stored ones.
-    forgotten: u32,
+    dropped: u32,
 }
 
 impl EnclosingBodies {
@@ -84,7 +84,7 @@ impl EnclosingBodies {
     /// True outside of all bodies.
     #[inline]
     pub(in crate::integrator) fn is_empty(&self) -> bool {
-        self.len == 0 && self.forgotten == 0
+        self.len == 0 && self.dropped == 0
     }
 
     /// Enters a body of this material.
@@ -93,7 +93,7 @@ impl EnclosingBodies {
         if self.len as usize == MAX_BODIES {
             self.materials.copy_within(1.., 0);
             self.len -= 1;
-            self.forgotten += 1;
+            self.dropped += 1;
         }
         self.materials[self.len as usize] = material;
         self.len += 1;
@@ -107,7 +107,7 @@ impl EnclosingBodies {
             remembered.copy_within(i + 1.., i);
             self.len -= 1;
         } else {
-            self.forgotten = self.forgotten.saturating_sub(1);
+            self.dropped = self.dropped.saturating_sub(1);
         }
     }
 
@@ -172,7 +172,7 @@ impl EnclosingBodies {
             return self.transmittance_in(scene, media, distance);
         }
         // A dropped body may outrank the stored ones.
-        if self.forgotten > 0 && (self.len == 0 || scene.features().overlaps) {
+        if self.dropped > 0 && (self.len == 0 || scene.features().overlaps) {
             return Rgb::NAN;
         }
         let Some(material) = self.present(scene) else {
@@ -198,8 +198,8 @@ impl EnclosingBodies {
             false => filled.next_back(),
         };
         match there {
-            Some((_, filling)) if self.forgotten == 0 || !ranked => Some(filling),
-            None if self.forgotten == 0 => Some(media.outside()),
+            Some((_, filling)) if self.dropped == 0 || !ranked => Some(filling),
+            None if self.dropped == 0 => Some(media.outside()),
             _ => None,
         }
     }

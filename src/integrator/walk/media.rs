@@ -15,7 +15,7 @@
 //! MIS weights leave media out: the density of every strategy has the factor σs of each point in a medium and the
 //! transmittance of each edge except one. Weights without these factors also add up to 1.
 
-use super::{Arrival, Carried, Walk};
+use super::{Arrival, PendingWeight, Walk};
 use crate::math::Rgb;
 use crate::sampler::Sampler;
 use crate::scene::Hit;
@@ -57,7 +57,7 @@ impl Walk<'_> {
     pub(super) fn arrive_in(
         &mut self,
         media: &Media,
-        carried: &mut impl Carried,
+        pending: &mut impl PendingWeight,
         numbers: &mut impl Sampler,
     ) -> Option<Arrival> {
         let scene = self.scene;
@@ -90,7 +90,7 @@ impl Walk<'_> {
                 }
             }
             self.throughput *= transmittance;
-            carried.scale(transmittance);
+            pending.scale(transmittance);
             let hit = hit?;
             let mut surface = self.surface(&hit, rest.dir);
             before += hit.t;

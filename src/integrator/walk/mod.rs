@@ -40,7 +40,7 @@ use crate::scene::{Hit, Scene, Surface};
 /// Media around a point of a path, which absorb light on its way from there.
 pub(super) use bodies::EnclosingBodies as Surroundings;
 use dispersion::Channel;
-pub(super) use pending_emission::{Carried, MetEmission};
+pub(super) use pending_emission::{HitEmission, PendingWeight};
 use shading_point::{Continuation, ShadingPoint};
 
 /// The end of a path at which a walk began.
@@ -125,16 +125,16 @@ impl Interaction<'_> {
         distance: f32,
         panes: u32,
     ) -> Option<Rgb> {
-        let seen = self.unblocked(scene, around, ray, distance, panes);
+        let direct = self.unblocked(scene, around, ray, distance, panes);
         // A pane's hidden back towards the camera transmits all light.
-        if scene.features().hidden_backs && (seen.is_none() || scene.has_panes()) {
+        if scene.features().hidden_backs && (direct.is_none() || scene.has_panes()) {
             let around = match scene.tracks_bodies() {
                 true => self.around(scene, around, ray.dir),
                 false => Surroundings::default(),
             };
             around.unblocked_to_camera(scene, ray, distance, panes)
         } else {
-            seen
+            direct
         }
     }
 }
@@ -183,28 +183,31 @@ impl<'a> Walk<'a> {
     #[inline(always)]
     pub(super) fn arrive(
         &mut self,
-        carried: &mut impl Carried,
+        pending: &mut impl PendingWeight,
         numbers: &mut impl Sampler,
     ) -> Option<Arrival> {
         if let Some(media) = self.scene.media() {
-            return self.arrive_in(media, carried, numbers);
+            return self.arrive_in(media, pending, numbers);
         }
-        self.arrive_without_media(carried)
+        self.arrive_without_media(pending)
     }
 
     /// The same in a scene without [media](Scene::media).
     #[inline(always)]
-    pub(super) fn arrive_without_media(&mut self, carried: &mut impl Carried) -> Option<Arrival> {
+    pub(super) fn arrive_without_media(
+        &mut self,
+        pending: &mut impl PendingWeight,
+    ) -> Option<Arrival> {
         let segment = (self.around).follow_seen(self.scene, &self.ray, self.from_camera);
         if let Some(passed) = segment.passed {
             self.throughput *= passed;
-            carried.scale(passed);
+            pending.scale(passed);
         }
         if !self.around.is_empty() {
             let end = segment.hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
             let transmittance = self.around.transmittance(self.scene, end - segment.start);
             self.throughput *= transmittance;
-            carried.scale(transmittance);
+            pending.scale(transmittance);
         }
         let hit = segment.hit?;
         let surface = self.surface(&hit, self.ray.dir);
@@ -222,14 +225,14 @@ impl<'a> Walk<'a> {
 
     /// Emission at the end of the current edge; `None` for none.
     #[inline(always)]
-    pub(super) fn emission<'b>(&'b self, arrival: Option<&'b Arrival>) -> Option<MetEmission<'b>> {
+    pub(super) fn emission<'b>(&'b self, arrival: Option<&'b Arrival>) -> Option<HitEmission<'b>> {
         let lights = self.scene.lights();
         let surface = arrival.map(|arrival| &arrival.surface);
         let radiance = match surface {
             Some(surface) => lights.emitted(surface, -self.ray.dir),
             None => lights.environment(self.ray.dir),
         };
-        (radiance != Rgb::ZERO).then_some(MetEmission {
+        (radiance != Rgb::ZERO).then_some(HitEmission {
             radiance,
             lights,
             from: self.from,
@@ -297,7 +300,7 @@ impl<'a> Walk<'a> {
     }
 
     /// The same walk with a throughput of 1, for a path of an estimator's own.
-    pub(super) fn afresh(&self) -> Self {
+    pub(super) fn with_unit_throughput(&self) -> Self {
         Self {
             throughput: Rgb::ONE,
             ..*self
@@ -342,22 +345,22 @@ impl<'a> Walk<'a> {
         &mut self,
         chance: f32,
         u: &mut f32,
-        carried: &mut impl Carried,
+        pending: &mut impl PendingWeight,
     ) -> bool {
         if *u >= chance {
             return false;
         }
         *u /= chance;
         self.throughput /= chance;
-        carried.scale(Rgb::splat(1.0 / chance));
+        pending.scale(Rgb::splat(1.0 / chance));
         true
     }
 
     /// False if the walk ends, because nothing can contribute or by Russian roulette with `u` in [0, 1); `None` for no
     /// roulette.
     #[inline(always)]
-    pub(super) fn survive(&mut self, u: Option<f32>, carried: &mut impl Carried) -> bool {
-        if self.throughput == Rgb::ZERO && carried.is_nothing() {
+    pub(super) fn survive(&mut self, u: Option<f32>, pending: &mut impl PendingWeight) -> bool {
+        if self.throughput == Rgb::ZERO && pending.is_zero() {
             return false;
         }
         let Some(u) = u else {
@@ -367,7 +370,7 @@ impl<'a> Walk<'a> {
             return false;
         };
         self.throughput /= survival;
-        carried.scale(Rgb::splat(1.0 / survival));
+        pending.scale(Rgb::splat(1.0 / survival));
         true
     }
 }

@@ -77,7 +77,7 @@ pub trait PathObserver {
     /// Called with the light that the path has found before its first draw from a non-Dirac lobe. Only the path tracer
     /// and bidirectional camera walks call it.
     #[inline]
-    fn seen(&mut self, _value: Rgb) {}
+    fn dirac_only_light(&mut self, _value: Rgb) {}
     /// One of the path's ways through glass is complete, with this share of the path. Every way reports all of its
     /// vertices and light.
     #[inline]

@@ -5,26 +5,26 @@ use crate::math::{Rgb, Vec3};
 use crate::scene::{Lights, Surface};
 
 /// Weights of emission at the end of the current edge of a walk, which scale with its throughput.
-pub(in crate::integrator) trait Carried {
+pub(in crate::integrator) trait PendingWeight {
     /// Multiplies the weights.
     fn scale(&mut self, factor: Rgb);
     /// True if no emission at the end of the edge would count.
-    fn is_nothing(&self) -> bool;
+    fn is_zero(&self) -> bool;
 }
 
 /// Nothing beside the throughput.
-impl Carried for () {
+impl PendingWeight for () {
     #[inline]
     fn scale(&mut self, _: Rgb) {}
 
     #[inline]
-    fn is_nothing(&self) -> bool {
+    fn is_zero(&self) -> bool {
         true
     }
 }
 
 /// Emission found at the end of a walk's edge.
-pub(in crate::integrator) struct MetEmission<'a> {
+pub(in crate::integrator) struct HitEmission<'a> {
     /// Radiance towards the walk.
     pub(in crate::integrator) radiance: Rgb,
     pub(super) lights: &'a Lights,
@@ -34,7 +34,7 @@ pub(in crate::integrator) struct MetEmission<'a> {
     pub(super) surface: Option<&'a Surface>,
 }
 
-impl MetEmission<'_> {
+impl HitEmission<'_> {
     /// Density per steradian with which light sampling at the previous vertex draws the direction.
     #[inline]
     pub(in crate::integrator) fn pdf_light(&self) -> f32 {
@@ -56,14 +56,14 @@ pub(in crate::integrator) struct EmissionWeight {
     pub(in crate::integrator) pdf_w: Option<f32>,
 }
 
-impl Carried for EmissionWeight {
+impl PendingWeight for EmissionWeight {
     #[inline]
     fn scale(&mut self, factor: Rgb) {
         self.throughput *= factor;
     }
 
     #[inline]
-    fn is_nothing(&self) -> bool {
+    fn is_zero(&self) -> bool {
         self.throughput == Rgb::ZERO
     }
 }
@@ -80,10 +80,10 @@ impl EmissionWeight {
 
     /// The contribution of emission.
     #[inline]
-    pub(in crate::integrator) fn contribution(&self, met: &MetEmission<'_>) -> Rgb {
+    pub(in crate::integrator) fn contribution(&self, hit: &HitEmission<'_>) -> Rgb {
         match self.pdf_w {
-            Some(pdf_w) => self.throughput * met.radiance * balance(pdf_w, met.pdf_light()),
-            None => self.throughput * met.radiance,
+            Some(pdf_w) => self.throughput * hit.radiance * balance(pdf_w, hit.pdf_light()),
+            None => self.throughput * hit.radiance,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::bodies::EnclosingBodies as Surroundings;
 use super::observer::{Event, PathObserver, Technique};
-use super::pending_emission::{Carried, EmissionWeight, MetEmission};
+use super::pending_emission::{EmissionWeight, HitEmission, PendingWeight};
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Lobe, LobeNumbers, LobeQuery, SharedNumbers};
 use crate::math::measure::balance;
 use crate::math::{Frame, Ray, Rgb, Vec3};
@@ -374,7 +374,7 @@ pub(in crate::integrator) struct PendingEmission {
     pub(in crate::integrator) event: Option<Event>,
 }
 
-impl Carried for PendingEmission {
+impl PendingWeight for PendingEmission {
     #[inline]
     fn scale(&mut self, factor: Rgb) {
         self.weight.scale(factor);
@@ -384,8 +384,8 @@ impl Carried for PendingEmission {
     }
 
     #[inline]
-    fn is_nothing(&self) -> bool {
-        self.weight.is_nothing() && self.event.is_none()
+    fn is_zero(&self) -> bool {
+        self.weight.is_zero() && self.event.is_none()
     }
 }
 
@@ -412,18 +412,18 @@ impl PendingEmission {
     #[inline]
     pub(in crate::integrator) fn contribution<O: PathObserver>(
         &self,
-        met: &MetEmission<'_>,
+        hit: &HitEmission<'_>,
         observer: &mut O,
     ) -> Rgb {
         if O::EVENTS
             && let Some(event) = self.event
         {
             observer.event(&Event {
-                radiance: event.radiance * met.radiance,
-                pdf_light: met.pdf_light(),
+                radiance: event.radiance * hit.radiance,
+                pdf_light: hit.pdf_light(),
                 ..event
             });
         }
-        self.weight.contribution(met)
+        self.weight.contribution(hit)
     }
 }

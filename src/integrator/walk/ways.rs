@@ -8,10 +8,10 @@ use crate::bsdf::{Bsdf, Lobe};
 use crate::math::Vec3;
 
 /// Most interfaces at which a walk splits: the front and back walls of a vessel.
-const MOST: usize = 4;
+const MAX_FORKS: usize = 4;
 
 /// Least probability of a way that is followed besides the drawn one.
-const LEAST: f32 = 0.01;
+const MIN_WAY_SHARE: f32 = 0.01;
 
 /// An interface on a way.
 #[derive(Clone, Copy, Debug)]
@@ -26,27 +26,27 @@ struct Fork {
 /// One way of a walk after another, depth first. The first follows the lobes that are drawn.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::integrator) struct Ways {
-    forks: [Option<Fork>; MOST],
+    forks: [Option<Fork>; MAX_FORKS],
     /// Forks that the current way has passed.
     passed: usize,
     /// Forks at most.
-    most: usize,
+    max_forks: usize,
 }
 
 impl Ways {
     /// All ways.
     pub(in crate::integrator) fn all() -> Self {
         Self {
-            forks: [None; MOST],
+            forks: [None; MAX_FORKS],
             passed: 0,
-            most: MOST,
+            max_forks: MAX_FORKS,
         }
     }
 
     /// Only the way that is drawn.
     pub(in crate::integrator) fn drawn() -> Self {
         Self {
-            most: 0,
+            max_forks: 0,
             ..Self::all()
         }
     }
@@ -61,7 +61,7 @@ impl Ways {
         wo: Vec3,
         u: [f32; 3],
     ) -> [f32; 3] {
-        if self.passed == self.most {
+        if self.passed == self.max_forks {
             return u;
         }
         let Some(reflected) = bsdf.chance_of_reflection(alpha, wo) else {
@@ -71,7 +71,7 @@ impl Ways {
             true => (Lobe::Reflection, reflected),
             false => (Lobe::Transmission, 1.0 - reflected),
         };
-        if self.share() * reflected.min(1.0 - reflected) < LEAST {
+        if self.share() * reflected.min(1.0 - reflected) < MIN_WAY_SHARE {
             return u;
         }
         let fork = *self.forks[self.passed].get_or_insert(Fork {

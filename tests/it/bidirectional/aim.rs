@@ -6,7 +6,7 @@ use super::scenes::{
 };
 use crate::support::render::{film_with, mean, scene};
 use opsr::image::film::{Film, Window};
-use opsr::integrator::bidirectional::{Aimed, Bidirectional, Radius, Strategies};
+use opsr::integrator::bidirectional::{AimCache, Bidirectional, Radius, Strategies};
 use opsr::integrator::{Estimator, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::scene::{Aim, Scene, SceneParts};
@@ -67,7 +67,7 @@ fn agreement_of_aimed_with_uniform_emission() {
         for (strategies, merging) in ways {
             let aimed = picture(&scene, estimator(strategies, merging, 1), 128);
             let uniform = Bidirectional {
-                aimed: Aimed::fixed(&view(&scene), Aim::default()),
+                aim_cache: AimCache::fixed(&view(&scene), Aim::default()),
                 ..estimator(strategies, merging, 2)
             };
             let uniform = picture(&scene, uniform, 512);

@@ -13,9 +13,9 @@ mod cases;
 mod scenes;
 
 use super::iteration::Iteration;
-use super::split::{Event, Trail, share};
+use super::split::{Event, LightSummary, share};
 use super::vertex::Vertex;
-use super::walk::{Onward, WeightedWalk};
+use super::walk::{ScatterKind, WeightedWalk};
 use super::{Bidirectional, Strategies};
 use crate::bsdf::Bsdf;
 use crate::integrator::View;
@@ -361,9 +361,9 @@ impl Iteration<'_> {
         };
         // The light walk.
         let mut stream = self.light_stream(path);
-        let mut light: Vec<(Vertex, bool, Trail)> = Vec::new();
+        let mut light: Vec<(Vertex, bool, LightSummary)> = Vec::new();
         let mut seen_through = Vec::new();
-        let mut trail = Trail::START;
+        let mut summary = LightSummary::START;
         let start = scene.sample_emission(self.aim, stream.emission());
         if let Some(start) = &start {
             let mut walk = WeightedWalk::light(scene, start, self.merging, self.merge_rule);
@@ -378,15 +378,15 @@ impl Iteration<'_> {
                 let through = sensor.lens_point(|| stream.lens());
                 let vertex = walk.vertex(n, &arrival, u.material);
                 let drawn = walk.scatter(&vertex, u.lobe);
-                if drawn == Some(Onward::Straight) {
+                if drawn == Some(ScatterKind::Straight) {
                     continue;
                 }
                 seen_through.push(through);
-                light.push((vertex, drawn == Some(Onward::Dirac), trail));
-                let Some(smooth) = drawn.and_then(Onward::smooth) else {
+                light.push((vertex, drawn == Some(ScatterKind::Dirac), summary));
+                let Some(smooth) = drawn.and_then(ScatterKind::smooth) else {
                     break;
                 };
-                trail = self.trail(trail, &vertex, walk.dir(), smooth);
+                summary = self.summary(summary, &vertex, walk.dir(), smooth);
             }
         }
         let emitted = start.as_ref().map(|start| {
@@ -427,11 +427,11 @@ impl Iteration<'_> {
             nodes
         };
         if let Some(end) = &emitted {
-            for (j, (vertex, _, trail)) in light.iter().enumerate() {
+            for (j, (vertex, _, summary)) in light.iter().enumerate() {
                 if !vertex.is_delta() {
                     audit.through = seen_through[j];
                     let sums = [*self, only(vertex.n + 1, 1)].map(|i| {
-                        i.connect_to_camera(vertex, trail, audit.through)
+                        i.connect_to_camera(vertex, summary, audit.through)
                             .map_or(Rgb::ZERO, |splat| splat.value)
                     });
                     self.compare(audit, &tail(j + 1), end, 1, sums);
@@ -461,13 +461,15 @@ impl Iteration<'_> {
                     direction: pdf.direction.into(),
                     radiance: lights.environment(walk.dir()),
                 };
-                let sums = [*self, only(0, n + 1)].map(|i| prefix.met * i.environment(&walk, n));
+                let sums =
+                    [*self, only(0, n + 1)].map(|i| prefix.easy_emission * i.environment(&walk, n));
                 self.compare(audit, &nodes, &end, n + 1, sums);
                 return;
             };
             let u = stream.vertex();
             let vertex = walk.vertex(n, &arrival, u.material);
-            let sums = [*self, only(0, n + 1)].map(|i| prefix.met * i.emitter(&walk, &vertex));
+            let sums =
+                [*self, only(0, n + 1)].map(|i| prefix.easy_emission * i.emitter(&walk, &vertex));
             if sums[1] != Rgb::ZERO {
                 let end = self.area_end(&vertex.surface, vertex.back);
                 self.compare(audit, &nodes, &end, n + 1, sums);
@@ -484,11 +486,11 @@ impl Iteration<'_> {
                 {
                     self.compare(audit, &nodes, &end, n + 1, sums);
                 }
-                for (j, (other, _, trail)) in light.iter().enumerate() {
+                for (j, (other, _, summary)) in light.iter().enumerate() {
                     if other.is_delta() || n + other.n > self.settings.max_vertices {
                         continue;
                     }
-                    let part = prefix.connected(&vertex, other, trail);
+                    let part = prefix.connected(&vertex, other, summary);
                     let sums = [*self, only(other.n + 1, n + 1)]
                         .map(|i| part * i.connection(&vertex, other, (0.0, 0.0)));
                     let before = nodes.len();

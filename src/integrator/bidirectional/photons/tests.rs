@@ -53,14 +53,14 @@ fn vertices_built_again_are_those_of_the_walk() {
     let map = PhotonMap::new(iteration.some_light_vertices(), Vec3::splat(-4.0), 0.1);
     let kinds = [&map.vertices.photons.len(), &map.vertices.others.len()];
     assert!(kinds.iter().all(|count| **count > 100), "{kinds:?}");
-    let (mut again, mut trails) = (Vec::new(), Vec::new());
+    let (mut again, mut summaries) = (Vec::new(), Vec::new());
     let mut indices = std::collections::BTreeSet::new();
     for path in 0..map.paths() {
         let mut walked = Vec::new();
         let stream = &mut iteration.light_stream(path);
         let keep = |vertex: Vertex, _| walked.push(vertex);
         iteration.light_path(stream, keep, &mut Ends::default(), &mut Vec::new());
-        map.of_path(path, u32::MAX, &scene, &mut again, &mut trails);
+        map.of_path(path, u32::MAX, &scene, &mut again, &mut summaries);
         assert_eq!(walked.len(), again.len());
         for (a, b) in walked.iter().zip(&again) {
             assert_eq!(a.bsdf.eta(), b.bsdf.eta());

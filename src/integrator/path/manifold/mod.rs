@@ -16,7 +16,7 @@
 //! Half of the seeds are uniform points of the casters, equally many per mesh, as in `[SMS]`. The others are hits of
 //! rays near the direction to the light, where refractions at gentle waves and in thin bodies have their solutions.
 //!
-//! The unbiased estimator stops after [`MOST`] trials: rarer solutions are too dark. A solution that no seed converges
+//! The unbiased estimator stops after [`MAX_TRIALS`] trials: rarer solutions are too dark. A solution that no seed converges
 //! to, as at the edge of a facet, is lost.
 
 mod casters;
@@ -37,11 +37,11 @@ use constraint::{ChainVertex, End, chain};
 const ROUGH: f32 = 0.1;
 
 /// Most trials for one solution.
-const MOST: u32 = 1024;
+const MAX_TRIALS: u32 = 1024;
 
 /// Most steps of Newton's method, and the least fraction to which a step is cut.
 const STEPS: u32 = 20;
-const LEAST_REACH: f64 = 1.0 / 64.0;
+const MIN_STEP: f64 = 1.0 / 64.0;
 
 /// Length of the constraint below which a point is a solution; one more step refines it, since solutions are compared.
 const CLOSE: f64 = 2e-5;
@@ -75,10 +75,10 @@ impl Manifold {
     }
 
     /// The policy of a new path.
-    pub(in crate::integrator) fn seeking(&self) -> Seeking<'_> {
-        Seeking {
+    pub(in crate::integrator) fn policy(&self) -> ManifoldPolicy<'_> {
+        ManifoldPolicy {
             manifold: self,
-            since: Since::Elsewhere,
+            state: ChainState::Elsewhere,
         }
     }
 }
@@ -114,7 +114,7 @@ impl Kind {
 
 /// Vertices of the path since its last receiver.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Since {
+enum ChainState {
     Elsewhere,
     Receiver,
     /// Into a caster.
@@ -124,12 +124,12 @@ enum Since {
 }
 
 /// Directions of the BSDF, with manifold sampling at receivers.
-pub(in crate::integrator) struct Seeking<'a> {
+pub(in crate::integrator) struct ManifoldPolicy<'a> {
     manifold: &'a Manifold,
-    since: Since,
+    state: ChainState,
 }
 
-impl Directions for Seeking<'_> {
+impl Directions for ManifoldPolicy<'_> {
     const GUIDED: bool = false;
 
     fn arrive(&mut self, _: &ShadingPoint<'_>, _: &VertexU, _: &mut impl Sampler) {}
@@ -164,19 +164,19 @@ impl Directions for Seeking<'_> {
         let sample = &next.sample;
         let caster = sample.delta && casters.eta(vertex.surface).is_some();
         let outside = vertex.wo.z > 0.0;
-        self.since = match (self.since, sample.lobe) {
-            _ if !sample.delta && vertex.alpha >= ROUGH => Since::Receiver,
-            (Since::Receiver, Lobe::Transmission) if caster && outside => Since::Entered,
-            (Since::Receiver, _) if caster => Since::Chain,
-            (Since::Entered, Lobe::Transmission) if caster && !outside => Since::Chain,
-            _ => Since::Elsewhere,
+        self.state = match (self.state, sample.lobe) {
+            _ if !sample.delta && vertex.alpha >= ROUGH => ChainState::Receiver,
+            (ChainState::Receiver, Lobe::Transmission) if caster && outside => ChainState::Entered,
+            (ChainState::Receiver, _) if caster => ChainState::Chain,
+            (ChainState::Entered, Lobe::Transmission) if caster && !outside => ChainState::Chain,
+            _ => ChainState::Elsewhere,
         };
     }
 
     fn finish(&mut self) {}
 
     fn counts(&self, arrival: Option<&Arrival>) -> bool {
-        self.since != Since::Chain || arrival.is_none()
+        self.state != ChainState::Chain || arrival.is_none()
     }
 
     fn beyond(
@@ -258,7 +258,7 @@ impl Search<'_, '_> {
             return Rgb::ZERO;
         };
         let mut trials = 1;
-        while trials < MOST && !self.trial(stream).is_some_and(|again| again.is(&first)) {
+        while trials < MAX_TRIALS && !self.trial(stream).is_some_and(|again| again.is(&first)) {
             trials += 1;
         }
         first.value * trials as f32
@@ -294,7 +294,7 @@ impl Search<'_, '_> {
             scene.surface(&seed).position.as_dvec3() - self.from
         };
         let ray = self.ray(dir)?;
-        let (eta, seed) = self.seen(&ray)?;
+        let (eta, seed) = self.caster_hit(&ray)?;
         let outside = self.is_outside(&seed, self.from);
         let share = |relative: f32| {
             let cos = seed.ns.dot(ray.dir).abs().min(1.0);
@@ -320,7 +320,7 @@ impl Search<'_, '_> {
     }
 
     /// The caster that a ray hits, and its index inside over that outside.
-    fn seen(&self, ray: &Ray) -> Option<(f32, Surface)> {
+    fn caster_hit(&self, ray: &Ray) -> Option<(f32, Surface)> {
         let surface = self.point.scene.surface(&self.point.scene.intersect(ray)?);
         Some((self.casters.eta(&surface)?, surface))
     }
@@ -345,7 +345,7 @@ impl Search<'_, '_> {
     /// The chain from the receiver towards a point of its first caster.
     fn traced(&self, target: DVec3, kind: Kind) -> Option<Traced> {
         let steps = kind.steps();
-        let (_, surface) = self.seen(&self.ray(target - self.from)?)?;
+        let (_, surface) = self.caster_hit(&self.ray(target - self.from)?)?;
         let first = self.chain_vertex(&surface, self.from, steps[0])?;
         let mut traced = Traced {
             vertices: [first, first],
@@ -354,7 +354,7 @@ impl Search<'_, '_> {
         if let Some(&step) = steps.get(1) {
             let at = first.at.position;
             let next = first.refracted((self.from - at).try_normalize()?)?;
-            let (_, surface) = self.seen(&surface.spawn(next.as_vec3().try_normalize()?))?;
+            let (_, surface) = self.caster_hit(&surface.spawn(next.as_vec3().try_normalize()?))?;
             traced.vertices[1] = self.chain_vertex(&surface, at, step)?;
             traced.length = 2;
         }
@@ -379,7 +379,7 @@ impl Search<'_, '_> {
                 None if close => return Some(first.position),
                 None => {
                     reach *= 0.5;
-                    if reach < LEAST_REACH {
+                    if reach < MIN_STEP {
                         return None;
                     }
                 }
@@ -400,7 +400,7 @@ impl Search<'_, '_> {
         if eval.value == Rgb::ZERO {
             return None;
         }
-        let mut walk = self.walk.afresh();
+        let mut walk = self.walk.with_unit_throughput();
         let side = if wi.z * point.wo.z < 0.0 {
             Lobe::Transmission
         } else {

@@ -15,7 +15,7 @@ fn ways_are_all_leaves_of_a_tree() {
     for drawn in [0.0, 0.999] {
         let (mut ways, mut sum, mut seen) = (Ways::all(), 0.0, Vec::new());
         loop {
-            let lobes = [(); MOST].map(|()| {
+            let lobes = [(); MAX_FORKS].map(|()| {
                 let [choice, ..] = ways.choose(&glass, 0.0, wo, [drawn; 3]);
                 glass.sample(0.0, wo, [choice, 0.5, 0.5]).map(|s| s.lobe)
             });
@@ -26,7 +26,7 @@ fn ways_are_all_leaves_of_a_tree() {
                 break;
             }
         }
-        assert_eq!(seen.len(), 1 << MOST);
+        assert_eq!(seen.len(), 1 << MAX_FORKS);
         assert!((sum - 1.0f32).abs() < 1e-6, "{sum}");
     }
 }

@@ -10,41 +10,41 @@ use crate::integrator::walk::shading_point::ShadingPoint;
 use crate::math::{Rgb, UVec2};
 
 /// Features of the camera paths of a sample, and the AOVs of the render.
-pub(super) struct Guides {
+pub(super) struct PathFeatureRecorder {
     aovs: Option<Aovs>,
     window: Window,
-    paths: Vec<Guide>,
+    paths: Vec<PathRecord>,
     /// The current way of the last path.
-    way: Guide,
+    way: PathRecord,
     /// Features of each joined fork, moved and not copied.
-    joined: Vec<Vec<Guide>>,
+    joined: Vec<Vec<PathRecord>>,
 }
 
 /// Features of one camera path, and its light that is not blurred.
 #[derive(Clone, Copy, Default)]
-struct Guide {
+struct PathRecord {
     /// Index of its pixel.
     index: u32,
     /// Light found before the first draw from a non-Dirac lobe.
-    seen: Rgb,
+    dirac_only: Rgb,
     features: PathFeatures,
 }
 
-impl Guide {
+impl PathRecord {
     /// Adds a share of one way of the path.
     fn add(&mut self, way: &Self, share: f32) {
-        self.seen += share * way.seen;
+        self.dirac_only += share * way.dirac_only;
         self.features.add_share(&way.features, share);
     }
 }
 
-impl Guides {
+impl PathFeatureRecorder {
     pub(super) fn new(window: Window, aovs: Option<Aovs>) -> Self {
         Self {
             aovs,
             window,
             paths: Vec::new(),
-            way: Guide::default(),
+            way: PathRecord::default(),
             joined: Vec::new(),
         }
     }
@@ -55,7 +55,7 @@ impl Guides {
             let index = path.index as usize;
             let values = PathLevels {
                 levels: &[layer.value(index)],
-                shared: path.seen,
+                shared: path.dirac_only,
                 features: path.features.values(),
             };
             film.push(index, sample, &values);
@@ -68,13 +68,13 @@ impl Guides {
     }
 }
 
-impl PathObserver for Guides {
+impl PathObserver for PathFeatureRecorder {
     fn begin(&mut self, pixel: UVec2, sample: u32) {
         self.aovs.iter_mut().for_each(|o| o.begin(pixel, sample));
         let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
-        self.paths.push(Guide {
+        self.paths.push(PathRecord {
             index: y * self.window.w + x,
-            ..Guide::default()
+            ..PathRecord::default()
         });
     }
 
@@ -84,8 +84,8 @@ impl PathObserver for Guides {
         self.way.features.add(point, distance);
     }
 
-    fn seen(&mut self, value: Rgb) {
-        self.way.seen += value;
+    fn dirac_only_light(&mut self, value: Rgb) {
+        self.way.dirac_only += value;
     }
 
     fn way(&mut self, share: f32) {
@@ -100,7 +100,7 @@ impl PathObserver for Guides {
     }
 }
 
-impl Recorder for Guides {
+impl Recorder for PathFeatureRecorder {
     fn fork(&self) -> Self {
         Self::new(self.window, self.aovs.as_ref().map(Recorder::fork))
     }

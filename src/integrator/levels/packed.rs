@@ -113,18 +113,18 @@ impl Path {
 }
 
 /// Most words that a path takes: all values, and one word of flags for the stored groups.
-pub(super) const fn most_words(levels: usize) -> usize {
+pub(super) const fn max_words(levels: usize) -> usize {
     1 + 3 * (levels + 2) + FEATURES
 }
 
 /// Writes a path to the front of `words`, which it shortens.
 #[inline]
-pub(super) fn put(path: &mut Path, levels: usize, words: &mut &mut [u32]) {
+pub(super) fn pack(path: &mut Path, levels: usize, words: &mut &mut [u32]) {
     let all = std::mem::take(words);
     let (mut there, mut bit, mut end) = (0u32, 1u32, 1);
-    path.visit(levels, |values, foretold| {
+    path.visit(levels, |values, predicted| {
         // By their bits, so that NaNs can be equal and a zero keeps its sign.
-        let same = (values.iter().zip(foretold)).all(|(a, b)| a.to_bits() == b.to_bits());
+        let same = (values.iter().zip(predicted)).all(|(a, b)| a.to_bits() == b.to_bits());
         if !same {
             there |= bit;
             all[end..end + values.len()].copy_from_slice(bytemuck::cast_slice(values));
@@ -136,13 +136,13 @@ pub(super) fn put(path: &mut Path, levels: usize, words: &mut &mut [u32]) {
     *words = &mut all[end..];
 }
 
-/// Reads a path that [`put`] wrote from the front of `words`, which it shortens.
+/// Reads a path that [`pack`] wrote from the front of `words`, which it shortens.
 #[inline]
-pub(super) fn take(path: &mut Path, levels: usize, words: &mut &[u32]) {
+pub(super) fn unpack(path: &mut Path, levels: usize, words: &mut &[u32]) {
     let (there, mut bit, mut end) = (words[0], 1u32, 1);
-    path.visit(levels, |values, foretold| {
+    path.visit(levels, |values, predicted| {
         if there & bit == 0 {
-            values.copy_from_slice(foretold);
+            values.copy_from_slice(predicted);
         } else {
             values.copy_from_slice(bytemuck::cast_slice(&words[end..end + values.len()]));
             end += values.len();
@@ -169,11 +169,11 @@ mod tests {
     fn paths_come_back_bit_by_bit() {
         let odd = [0.0, -0.0, f32::NAN, f32::INFINITY, 1e-45, 0.3];
         let groups = 1u32 << (MAX_LEVELS + 5);
-        let mut words = vec![0; most_words(MAX_LEVELS)];
+        let mut words = vec![0; max_words(MAX_LEVELS)];
         for number in 0..groups {
             let (mut path, mut bit) = (Path::NONE, 1);
-            path.visit(MAX_LEVELS, |values, foretold| {
-                values.copy_from_slice(foretold);
+            path.visit(MAX_LEVELS, |values, predicted| {
+                values.copy_from_slice(predicted);
                 if number & bit != 0 {
                     let at = (number ^ bit) as usize % values.len();
                     values[at] = odd[(number / bit) as usize % odd.len()];
@@ -181,9 +181,9 @@ mod tests {
                 bit <<= 1;
             });
             let before = bits(&mut path);
-            put(&mut path, MAX_LEVELS, &mut &mut words[..]);
+            pack(&mut path, MAX_LEVELS, &mut &mut words[..]);
             let mut again = Path::NONE;
-            take(&mut again, MAX_LEVELS, &mut &words[..]);
+            unpack(&mut again, MAX_LEVELS, &mut &words[..]);
             assert_eq!(bits(&mut again), before, "{number:b}");
         }
     }

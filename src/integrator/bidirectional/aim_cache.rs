@@ -7,35 +7,35 @@ use std::sync::{Arc, Mutex};
 
 /// The aim of the last view, cached from pass to pass.
 #[derive(Clone, Debug, Default)]
-pub struct Aimed(Arc<Mutex<Option<Kept>>>);
+pub struct AimCache(Arc<Mutex<Option<CachedAim>>>);
 
 #[derive(Debug)]
-struct Kept {
+struct CachedAim {
     camera: Camera,
     frame: UVec2,
     aim: Arc<Aim>,
 }
 
-impl Aimed {
+impl AimCache {
     /// A cache with a given aim for the camera and frame of a view.
     pub fn fixed(view: &View<'_>, aim: Aim) -> Self {
-        let aimed = Self::default();
-        aimed.aim(view, || aim);
-        aimed
+        let cache = Self::default();
+        cache.aim(view, || aim);
+        cache
     }
 
     /// The aim for the camera and frame of a view, from the cache or else from `find`.
     pub(super) fn aim(&self, view: &View<'_>, find: impl FnOnce() -> Aim) -> Arc<Aim> {
         let sensor = &view.sensor;
         let lock = || self.0.lock().unwrap_or_else(|e| e.into_inner());
-        let same = |kept: &&Kept| kept.frame == sensor.frame && kept.camera == *sensor.camera;
+        let same = |kept: &&CachedAim| kept.frame == sensor.frame && kept.camera == *sensor.camera;
         let found = lock().as_ref().filter(same).map(|kept| kept.aim.clone());
         if let Some(aim) = found {
             return aim;
         }
         // Without the lock: a thread that waits in `find` for its light paths may enter this function again.
         let aim = Arc::new(find());
-        *lock() = Some(Kept {
+        *lock() = Some(CachedAim {
             camera: sensor.camera.clone(),
             frame: sensor.frame,
             aim: aim.clone(),
