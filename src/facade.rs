@@ -85,7 +85,7 @@ impl<'a> Render<'a> {
     /// Path tracing with the attenuation factors of a table: a file, or the built-in `beta-0.001` or `beta-0.05`.
     pub fn table(self, table: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = table.as_ref();
-        let table = TableChoice::Held(Arc::new(TableFile::load(path)?), Some(path.into()));
+        let table = TableChoice::Loaded(Arc::new(TableFile::load(path)?), Some(path.into()));
         Ok(self.with(|spec| spec.table = Some(table)))
     }
 

@@ -388,7 +388,7 @@ plant "translucent: the other side has the reflectance" src/bsdf/translucent.rs 
 plant "translucent: the sides change their densities" src/bsdf/translucent.rs \
     's/let \[_, reflected, transmitted\]/let [_, transmitted, reflected]/' bsdf::chi_square_of_sample_against_pdf
 plant "translucent: light walks take the surface for opaque" src/bsdf/mod.rs \
-    's/Self::Anisotropic\(_\) \| Self::Exact\(_\)/Self::Anisotropic(_) | Self::Exact(_) | Self::Translucent(_)/' \
+    's/Self::Anisotropic\(_\) \| Self::FresnelGlossy\(_\)/Self::Anisotropic(_) | Self::FresnelGlossy(_) | Self::Translucent(_)/' \
     bidirectional::strategies::agreement_of_each_strategy_through_translucent_sheets
 
 echo "$tried planted, $missed of them not found"

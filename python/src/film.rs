@@ -11,7 +11,7 @@ use opsr::image::exr::{Layer, Metadata};
 use opsr::image::film::Film as Moments;
 use opsr::image::png;
 use opsr::integrator::Picture;
-use opsr::pilot::witness::Missing;
+use opsr::pilot::witness::MissingLight;
 use opsr::render::Finished;
 use opsr::render::value::{Field, Range};
 use opsr::resolve::{Resolve, Resolved as Choice, resolve_film, stopping_error};
@@ -205,7 +205,7 @@ impl Film {
         &self.made().film
     }
 
-    fn missing(&self) -> &Option<Missing> {
+    fn missing(&self) -> &Option<MissingLight> {
         &self.done.outcome.missing
     }
 }

@@ -9,7 +9,6 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString};
 use serde_json::{Value, json};
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// True for the options of `Scene.load`.
 pub(crate) fn of_scene(option: &Opt) -> bool {
@@ -72,7 +71,7 @@ pub(crate) fn read(
         if let Ok(table) = value.cast::<Table>()
             && name == "table"
         {
-            spec.table = Some(TableChoice::Held(Arc::new(table.get().file.clone()), None));
+            spec.table = Some(TableChoice::Loaded(table.get().file.clone().into(), None));
             continue;
         }
         let typed = Opt::named(&name).map(|option| (option.python)());

@@ -9,7 +9,7 @@ use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Amounts, Picture, Scales};
 use opsr::math::{Rgb, UVec2};
-use opsr::pilot::witness::Missing;
+use opsr::pilot::witness::MissingLight;
 use opsr::render::{Finished, Opt, Outcome, Shown, Spec};
 use opsr::resolve::Resolved;
 use pyo3::IntoPyObjectExt;
@@ -137,7 +137,7 @@ pub(crate) fn reduce<'py>(film: &Bound<'py, Film>) -> PyResult<Bound<'py, PyAny>
         let channels = channels.map(|(name, values)| (name.to_string(), bytes(values)));
         (layer.name.clone(), channels.collect())
     });
-    let lack = |missing: &Missing| {
+    let lack = |missing: &MissingLight| {
         let pixel = missing.pixel.to_array();
         let squares = bytes(&missing.squares);
         (missing.share, pixel, missing.finder.name(), squares)
@@ -200,7 +200,7 @@ pub(crate) fn _film(py: Python<'_>, moments: &[u8], rest: Rest) -> PyResult<Film
             Kind::Mlt,
         ];
         let finder = kinds.into_iter().find(|kind| kind.name() == finder);
-        Ok::<_, PyErr>(Missing {
+        Ok::<_, PyErr>(MissingLight {
             share,
             pixel: UVec2::from_array(pixel),
             finder: finder.ok_or_else(|| damaged("no such integrator"))?,

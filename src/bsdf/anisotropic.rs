@@ -152,7 +152,7 @@ impl Anisotropic {
 
     #[cold]
     #[inline(never)]
-    pub(super) fn complete(
+    pub(super) fn sample_along(
         &self,
         alpha: f32,
         wo: Vec3,
@@ -160,7 +160,7 @@ impl Anisotropic {
         lobe: Lobe,
     ) -> Option<BsdfSample> {
         if alpha < DELTA_ALPHA {
-            return self.isotropic().complete(alpha, wo, wi, lobe);
+            return self.isotropic().sample_along(alpha, wo, wi, lobe);
         }
         finish(self.query(wo, wi), alpha, wi, lobe)
     }

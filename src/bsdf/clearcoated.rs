@@ -1,7 +1,7 @@
 //! Base of a surface under a clear coat `[KHR_materials_clearcoat]`, sheen `[KHR_materials_sheen]`, or both.
 //!
 //! A surface with a clear coat draws one of two BSDFs at every hit, as a partly transmissive one does: the coat, which
-//! is a [`Glossy`] of its own roughness, or the base, which is a [`Clearcoated`]. Each has a single roughness, as rules
+//! is a [`Glossy`] of its own roughness, or the base, which is a [`Covered`]. Each has a single roughness, as rules
 //! and classes require. With F the coat's reflectance (Schlick, index 1.5), c its weight and a the base's value:
 //!
 //! ```text
@@ -17,7 +17,7 @@
 
 use super::fresnel::schlick;
 use super::sheen::{Sheen, sheen_albedo};
-use super::{Anisotropic, Exact, Iridescent, ThinDielectric, Translucent};
+use super::{Anisotropic, FresnelGlossy, Iridescent, ThinDielectric, Translucent};
 use super::{
     Bsdf, BsdfSample, Dielectric, Diffuse, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery,
 };
@@ -34,7 +34,7 @@ const SHEEN_CHANCE: f32 = 0.3;
 
 /// Base under a clear coat, drawn with the probability 1 − c/4, under sheen, or both.
 #[derive(Clone, Copy, Debug)]
-pub struct Clearcoated {
+pub struct Covered {
     base: Base,
     /// Weight c of the coat in [0, 1].
     coat: f32,
@@ -52,7 +52,7 @@ enum Base {
     Anisotropic(Anisotropic),
     Iridescent(Iridescent),
     Sheen(Sheen),
-    Exact(Exact),
+    Exact(FresnelGlossy),
     Translucent(Translucent),
 }
 
@@ -114,11 +114,11 @@ pub fn covered(covers: &Covers, u: f32, base: impl FnOnce(f32) -> Bsdf) -> Bsdf 
     let u = rest(u, chance);
     let most = sheen.color.max_element();
     if most == 0.0 {
-        return Clearcoated::under(base(u), coat, [0.0; 2]);
+        return Covered::under(base(u), coat, [0.0; 2]);
     }
     let chance = SHEEN_CHANCE * most;
     if u >= chance {
-        return Clearcoated::under(base(rest(u, chance)), coat, [most, sheen.alpha]);
+        return Covered::under(base(rest(u, chance)), coat, [most, sheen.alpha]);
     }
     let drawn = Bsdf::Sheen(Sheen {
         color: sheen.color / chance,
@@ -126,11 +126,11 @@ pub fn covered(covers: &Covers, u: f32, base: impl FnOnce(f32) -> Bsdf) -> Bsdf 
     });
     match coat {
         0.0 => drawn,
-        _ => Clearcoated::under(drawn, coat, [0.0; 2]),
+        _ => Covered::under(drawn, coat, [0.0; 2]),
     }
 }
 
-impl Clearcoated {
+impl Covered {
     /// Another base under the same coat.
     pub(super) fn over(&self, base: Bsdf) -> Bsdf {
         Self::under(base, self.coat, self.sheen)
@@ -145,13 +145,13 @@ impl Clearcoated {
             Bsdf::Anisotropic(l) => Base::Anisotropic(l),
             Bsdf::Iridescent(l) => Base::Iridescent(l),
             Bsdf::Sheen(l) => Base::Sheen(l),
-            Bsdf::Exact(l) => Base::Exact(l),
+            Bsdf::FresnelGlossy(l) => Base::Exact(l),
             Bsdf::Translucent(l) => Base::Translucent(l),
-            Bsdf::Clearcoated(l) => l.base,
+            Bsdf::Covered(l) => l.base,
             // A medium has no surface and no coat.
             Bsdf::Phase(_) => return base,
         };
-        Bsdf::Clearcoated(Self { base, coat, sheen })
+        Bsdf::Covered(Self { base, coat, sheen })
     }
 
     /// The base without its coat.
@@ -164,7 +164,7 @@ impl Clearcoated {
             Base::Anisotropic(l) => Bsdf::Anisotropic(l),
             Base::Iridescent(l) => Bsdf::Iridescent(l),
             Base::Sheen(l) => Bsdf::Sheen(l),
-            Base::Exact(l) => Bsdf::Exact(l),
+            Base::Exact(l) => Bsdf::FresnelGlossy(l),
             Base::Translucent(l) => Bsdf::Translucent(l),
         }
     }
@@ -216,14 +216,14 @@ impl Clearcoated {
 
     #[cold]
     #[inline(never)]
-    pub(super) fn complete(
+    pub(super) fn sample_along(
         &self,
         alpha: f32,
         wo: Vec3,
         wi: Vec3,
         lobe: Lobe,
     ) -> Option<BsdfSample> {
-        let mut sample = self.base().complete(alpha, wo, wi, lobe)?;
+        let mut sample = self.base().sample_along(alpha, wo, wi, lobe)?;
         let through = self.through(wo, wi);
         sample.value *= through;
         sample.weight *= through;

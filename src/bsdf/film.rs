@@ -322,7 +322,7 @@ impl Iridescent {
 
     #[cold]
     #[inline(never)]
-    pub(super) fn complete(
+    pub(super) fn sample_along(
         &self,
         alpha: f32,
         wo: Vec3,
@@ -332,7 +332,7 @@ impl Iridescent {
         if alpha >= DELTA_ALPHA || lobe == Lobe::Diffuse {
             return finish(self.query(wo, wi), alpha, wi, lobe);
         }
-        let mut sample = self.base().complete(alpha, wo, wi, lobe)?;
+        let mut sample = self.base().sample_along(alpha, wo, wi, lobe)?;
         let cos = wo.z.abs().min(1.0);
         let [film, _] = self.reflectances(cos, self.eta(wo));
         let chance = luminance(film);

@@ -168,11 +168,11 @@ impl Diffuse {
     #[inline]
     pub(super) fn sample(&self, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
         let local = warp::cosine_hemisphere(Vec2::new(u[1], u[2]));
-        self.complete(wo, above(wo.z, local))
+        self.sample_along(wo, above(wo.z, local))
     }
 
     #[inline]
-    pub(super) fn complete(&self, wo: Vec3, wi: Vec3) -> Option<BsdfSample> {
+    pub(super) fn sample_along(&self, wo: Vec3, wi: Vec3) -> Option<BsdfSample> {
         let pdf_w = wi.z.abs() * FRAC_1_PI;
         (pdf_w > 0.0 && wo.z != 0.0).then(|| BsdfSample {
             wi,
@@ -233,7 +233,7 @@ impl Glossy {
 
     /// Value and density of a direction that was drawn.
     #[inline]
-    pub(super) fn complete(
+    pub(super) fn sample_along(
         &self,
         alpha: f32,
         wo: Vec3,
@@ -328,7 +328,7 @@ impl Dielectric {
 
     /// Value and density of a direction that was drawn.
     #[inline]
-    pub(super) fn complete(
+    pub(super) fn sample_along(
         &self,
         alpha: f32,
         wo: Vec3,
@@ -433,7 +433,7 @@ impl ThinDielectric {
 
     /// Value and density of a direction that was drawn.
     #[inline]
-    pub(super) fn complete(
+    pub(super) fn sample_along(
         &self,
         alpha: f32,
         wo: Vec3,

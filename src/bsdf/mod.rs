@@ -20,9 +20,9 @@ use crate::math::{Rgb, Vec2, Vec3};
 mod anisotropic;
 mod clearcoated;
 pub(crate) mod distribution;
-pub(crate) mod exact;
 pub(crate) mod film;
 pub mod fresnel;
+pub(crate) mod fresnel_glossy;
 pub(crate) mod lobes;
 mod numbers;
 pub(crate) mod phase;
@@ -34,10 +34,10 @@ mod tests;
 mod translucent;
 
 pub use anisotropic::Anisotropic;
-pub use clearcoated::{Clearcoated, Covers, clearcoated, covered};
+pub use clearcoated::{Covered, Covers, clearcoated, covered};
 pub use distribution::{DELTA_ALPHA, Distribution, LobeReal};
-pub use exact::{Exact, Interface};
 pub use film::{Film, Iridescent, iridescent};
+pub use fresnel_glossy::{FresnelGlossy, Interface};
 pub(crate) use lobes::is_matched;
 pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric};
 pub use numbers::{LobeNumbers, SharedNumbers};
@@ -58,7 +58,7 @@ pub enum Bsdf {
     /// Thin wall: microfacet reflection, and transmission without refraction.
     Thin(ThinDielectric),
     /// Base under a clear coat, or sheen.
-    Clearcoated(Clearcoated),
+    Covered(Covered),
     /// [`Glossy`] with a lobe of two roughnesses.
     Anisotropic(Anisotropic),
     /// [`Glossy`], [`Dielectric`] or [`ThinDielectric`] under a thin film.
@@ -66,7 +66,7 @@ pub enum Bsdf {
     /// Sheen of fibres on a surface.
     Sheen(Sheen),
     /// [`Glossy`] with Fresnel's equations in place of Schlick's approximation.
-    Exact(Exact),
+    FresnelGlossy(FresnelGlossy),
     /// [`Glossy`] whose base scatters on both sides.
     Translucent(Translucent),
     /// A point of a medium: no surface, and no cosine in its value.
@@ -118,10 +118,10 @@ impl Bsdf {
             Self::Thin(t) => t.tint,
             Self::Iridescent(l) => l.base().reflectance(),
             Self::Sheen(s) => s.color,
-            Self::Exact(e) => e.reflectance(),
+            Self::FresnelGlossy(e) => e.reflectance(),
             Self::Translucent(t) => Self::Glossy(t.folded()).reflectance(),
             Self::Phase(_) => Rgb::ONE,
-            Self::Clearcoated(c) => c.base().reflectance() * c.through(Vec3::Z, Vec3::Z),
+            Self::Covered(c) => c.base().reflectance() * c.through(Vec3::Z, Vec3::Z),
         }
     }
 
@@ -134,11 +134,11 @@ impl Bsdf {
             Self::Glossy(l) => l.alpha,
             Self::Dielectric(l) => l.alpha,
             Self::Thin(l) => l.alpha,
-            Self::Clearcoated(l) => l.base().alpha(),
+            Self::Covered(l) => l.base().alpha(),
             Self::Anisotropic(l) => l.isotropic().alpha,
             Self::Iridescent(l) => l.base().alpha(),
             Self::Sheen(_) => 1.0,
-            Self::Exact(l) => l.alpha,
+            Self::FresnelGlossy(l) => l.alpha,
             Self::Translucent(l) => l.coat().alpha,
             Self::Phase(l) => l.alpha(),
         }
@@ -153,11 +153,11 @@ impl Bsdf {
             Self::Glossy(l) => l.query(wo, wi),
             Self::Dielectric(l) => l.query(wo, wi),
             Self::Thin(l) => l.query(wo, wi),
-            Self::Clearcoated(l) => l.query(wo, wi),
+            Self::Covered(l) => l.query(wo, wi),
             Self::Anisotropic(l) => l.query(wo, wi),
             Self::Iridescent(l) => l.query(wo, wi),
             Self::Sheen(l) => l.query(wo, wi),
-            Self::Exact(l) => l.query(wo, wi),
+            Self::FresnelGlossy(l) => l.query(wo, wi),
             Self::Translucent(l) => l.query(wo, wi),
             Self::Phase(l) => l.query(wo, wi),
         }
@@ -212,7 +212,7 @@ impl Bsdf {
         let chance = match (self, lobe) {
             (Self::Dielectric(glass), Lobe::Reflection) => glass.reflectance(wo),
             (Self::Dielectric(glass), Lobe::Transmission) => 1.0 - glass.reflectance(wo),
-            (Self::Glossy(_) | Self::Exact(_), Lobe::Reflection) => 1.0,
+            (Self::Glossy(_) | Self::FresnelGlossy(_), Lobe::Reflection) => 1.0,
             _ => return None,
         };
         let choice = if lobe == Lobe::Reflection {
@@ -242,7 +242,7 @@ impl Bsdf {
     #[inline(never)]
     fn sample_microfacet(&self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Option<BsdfSample> {
         let (wi, lobe) = self.direction(alpha, wo, u)?;
-        self.complete(alpha, wo, wi, lobe)
+        self.sample_along(alpha, wo, wi, lobe)
     }
 
     /// Direction and lobe of [`Bsdf::sample`] without the work for value and density. It may lie where `eval` is zero.
@@ -253,11 +253,11 @@ impl Bsdf {
             Self::Glossy(l) => l.direction(alpha, wo, u),
             Self::Dielectric(l) => l.direction(alpha, wo, u),
             Self::Thin(l) => l.direction(alpha, wo, u),
-            Self::Clearcoated(l) => l.direction(alpha, wo, u),
+            Self::Covered(l) => l.direction(alpha, wo, u),
             Self::Anisotropic(l) => l.direction_of(alpha, wo, u),
             Self::Iridescent(l) => l.direction(alpha, wo, u),
             Self::Sheen(l) => l.direction(wo, u.uniform()),
-            Self::Exact(l) => l.direction(alpha, wo, u),
+            Self::FresnelGlossy(l) => l.direction(alpha, wo, u),
             Self::Translucent(l) => l.direction(alpha, wo, u),
             Self::Phase(l) => Some(l.direction(alpha, wo, u)),
         }
@@ -265,19 +265,19 @@ impl Bsdf {
 
     /// The [`Bsdf::sample`] of a direction and lobe from [`Bsdf::direction`] at the same roughness: value and density.
     #[inline]
-    pub fn complete(&self, alpha: f32, wo: Vec3, wi: Vec3, lobe: Lobe) -> Option<BsdfSample> {
+    pub fn sample_along(&self, alpha: f32, wo: Vec3, wi: Vec3, lobe: Lobe) -> Option<BsdfSample> {
         match self {
-            Self::Diffuse(l) => l.complete(wo, wi),
-            Self::Glossy(l) => l.complete(alpha, wo, wi, lobe),
-            Self::Dielectric(l) => l.complete(alpha, wo, wi, lobe),
-            Self::Thin(l) => l.complete(alpha, wo, wi, lobe),
-            Self::Clearcoated(l) => l.complete(alpha, wo, wi, lobe),
-            Self::Anisotropic(l) => l.complete(alpha, wo, wi, lobe),
-            Self::Iridescent(l) => l.complete(alpha, wo, wi, lobe),
-            Self::Sheen(l) => l.complete(wo, wi),
-            Self::Exact(l) => l.complete(alpha, wo, wi, lobe),
-            Self::Translucent(l) => l.complete(alpha, wo, wi, lobe),
-            Self::Phase(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Diffuse(l) => l.sample_along(wo, wi),
+            Self::Glossy(l) => l.sample_along(alpha, wo, wi, lobe),
+            Self::Dielectric(l) => l.sample_along(alpha, wo, wi, lobe),
+            Self::Thin(l) => l.sample_along(alpha, wo, wi, lobe),
+            Self::Covered(l) => l.sample_along(alpha, wo, wi, lobe),
+            Self::Anisotropic(l) => l.sample_along(alpha, wo, wi, lobe),
+            Self::Iridescent(l) => l.sample_along(alpha, wo, wi, lobe),
+            Self::Sheen(l) => l.sample_along(wo, wi),
+            Self::FresnelGlossy(l) => l.sample_along(alpha, wo, wi, lobe),
+            Self::Translucent(l) => l.sample_along(alpha, wo, wi, lobe),
+            Self::Phase(l) => l.sample_along(alpha, wo, wi, lobe),
         }
     }
 
@@ -290,10 +290,10 @@ impl Bsdf {
             // An interface between equal indices passes light straight on at any roughness.
             Self::Dielectric(l) if l.is_matched() => return true,
             Self::Dielectric(_) | Self::Thin(_) => false,
-            Self::Clearcoated(l) => return l.base().is_delta_at(alpha),
+            Self::Covered(l) => return l.base().is_delta_at(alpha),
             Self::Anisotropic(l) => l.isotropic().albedo != Rgb::ZERO,
             Self::Iridescent(l) => return l.base().is_delta_at(alpha),
-            Self::Exact(l) => l.albedo() != Rgb::ZERO,
+            Self::FresnelGlossy(l) => l.albedo() != Rgb::ZERO,
             Self::Phase(_) => false,
         };
         alpha < DELTA_ALPHA && !has_base
@@ -305,7 +305,7 @@ impl Bsdf {
         match self {
             Self::Diffuse(_) | Self::Sheen(_) => true,
             Self::Translucent(l) => !l.is_coated(),
-            Self::Clearcoated(l) => l.base().is_diffuse(),
+            Self::Covered(l) => l.base().is_diffuse(),
             _ => false,
         }
     }
@@ -317,10 +317,10 @@ impl Bsdf {
                 albedo: Rgb::ZERO,
                 ..l
             }),
-            Self::Clearcoated(l) => l.over(l.base().without_diffuse()),
+            Self::Covered(l) => l.over(l.base().without_diffuse()),
             Self::Anisotropic(l) => Self::Anisotropic(l.without_diffuse()),
             Self::Iridescent(l) => Self::Iridescent(l.without_diffuse()),
-            Self::Exact(l) => Self::Exact(l.without_diffuse()),
+            Self::FresnelGlossy(l) => Self::FresnelGlossy(l.without_diffuse()),
             Self::Translucent(l) if l.is_coated() => Self::Glossy(l.coat()),
             other => other,
         }
@@ -333,11 +333,11 @@ impl Bsdf {
             Self::Glossy(_) => "glossy",
             Self::Dielectric(_) => "dielectric",
             Self::Thin(_) => "thin wall",
-            Self::Clearcoated(_) => "under a clear coat",
+            Self::Covered(_) => "under a clear coat",
             Self::Anisotropic(_) => "anisotropic",
             Self::Iridescent(_) => "iridescent",
             Self::Sheen(_) => "sheen",
-            Self::Exact(_) => "glossy, exact",
+            Self::FresnelGlossy(_) => "glossy, exact",
             Self::Translucent(_) => "translucent",
             Self::Phase(_) => "medium",
         }
@@ -348,7 +348,7 @@ impl Bsdf {
     pub(crate) fn is_opaque(&self) -> bool {
         matches!(
             self,
-            Self::Diffuse(_) | Self::Glossy(_) | Self::Anisotropic(_) | Self::Exact(_)
+            Self::Diffuse(_) | Self::Glossy(_) | Self::Anisotropic(_) | Self::FresnelGlossy(_)
         )
     }
 
@@ -357,7 +357,7 @@ impl Bsdf {
         match self {
             Self::Glossy(lobe) => lobe.albedo,
             Self::Anisotropic(lobe) => lobe.isotropic().albedo,
-            Self::Exact(lobe) => lobe.albedo(),
+            Self::FresnelGlossy(lobe) => lobe.albedo(),
             Self::Translucent(lobe) => lobe.folded().albedo,
             Self::Iridescent(lobe) => match lobe.base() {
                 Self::Glossy(lobe) => lobe.albedo,
@@ -372,7 +372,7 @@ impl Bsdf {
     pub(crate) fn is_solid(&self) -> bool {
         match self {
             Self::Dielectric(_) => true,
-            Self::Clearcoated(l) => l.base().is_solid(),
+            Self::Covered(l) => l.base().is_solid(),
             Self::Iridescent(l) => l.base().is_solid(),
             _ => false,
         }
@@ -383,7 +383,7 @@ impl Bsdf {
     pub fn dielectric_mut(&mut self) -> Option<&mut Dielectric> {
         match self {
             Self::Dielectric(l) => Some(l),
-            Self::Clearcoated(l) => l.dielectric_mut(),
+            Self::Covered(l) => l.dielectric_mut(),
             Self::Iridescent(l) => l.dielectric_mut(),
             _ => None,
         }
@@ -396,7 +396,7 @@ impl Bsdf {
 
     /// Sets the index of a body's interface, as [`Self::eta`]; without an index or an interface nothing changes.
     #[inline]
-    pub(crate) fn refract_by(&mut self, eta: Option<f32>) {
+    pub(crate) fn set_eta(&mut self, eta: Option<f32>) {
         if let (Some(eta), Some(interface)) = (eta, self.dielectric_mut()) {
             interface.eta = eta;
         }
@@ -409,7 +409,7 @@ impl Bsdf {
         match self {
             Self::Dielectric(d) if wo.z > 0.0 => d.eta * d.eta,
             Self::Dielectric(d) => 1.0 / (d.eta * d.eta),
-            Self::Clearcoated(l) => l.base().refraction_scale(wo),
+            Self::Covered(l) => l.base().refraction_scale(wo),
             Self::Iridescent(l) => l.base().refraction_scale(wo),
             _ => 1.0,
         }

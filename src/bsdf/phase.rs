@@ -73,7 +73,7 @@ impl Phase {
         (wi.normalize(), lobe)
     }
 
-    pub(super) fn complete(
+    pub(super) fn sample_along(
         &self,
         alpha: f32,
         wo: Vec3,

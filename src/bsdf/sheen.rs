@@ -10,7 +10,7 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 use std::sync::LazyLock;
 
 /// Least roughness: the lobe of a smaller one is a rim too thin for a picture.
-const LEAST: f32 = 0.01;
+const MIN_ALPHA: f32 = 0.01;
 
 /// Densities of normals below this count as 0: values would be denormal numbers, which keep few digits.
 const NO_FIBRE: f32 = 1e-20;
@@ -52,7 +52,7 @@ fn lambda(alpha: f32, cos: f32) -> f32 {
 
 /// f cos θi of white fibres, both directions above the surface.
 fn reflected(alpha: f32, wo: Vec3, wi: Vec3) -> f32 {
-    let alpha = alpha.max(LEAST);
+    let alpha = alpha.max(MIN_ALPHA);
     let h = (wo + wi).normalize_or_zero();
     let sin = h.x.hypot(h.y).min(1.0);
     let shadow = 1.0 + lambda(alpha, wo.z) + lambda(alpha, wi.z);
@@ -84,7 +84,7 @@ impl Sheen {
         (wo.z != 0.0).then(|| (above(wo.z, flat.extend(z)), Lobe::Diffuse))
     }
 
-    pub(super) fn complete(&self, wo: Vec3, wi: Vec3) -> Option<BsdfSample> {
+    pub(super) fn sample_along(&self, wo: Vec3, wi: Vec3) -> Option<BsdfSample> {
         let query = self.query(wo, wi)?;
         Some(BsdfSample {
             wi,

@@ -94,7 +94,7 @@ impl Translucent {
     /// Value and density of a direction that was drawn.
     #[cold]
     #[inline(never)]
-    pub(super) fn complete(
+    pub(super) fn sample_along(
         &self,
         alpha: f32,
         wo: Vec3,
@@ -102,7 +102,7 @@ impl Translucent {
         lobe: Lobe,
     ) -> Option<BsdfSample> {
         if alpha < DELTA_ALPHA && lobe == Lobe::Reflection {
-            return self.folded().complete(alpha, wo, wi, lobe);
+            return self.folded().sample_along(alpha, wo, wi, lobe);
         }
         finish(self.query(wo, wi), alpha, wi, lobe)
     }

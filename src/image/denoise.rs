@@ -38,7 +38,7 @@ const CPU: c_int = 1;
 
 /// Approximate limit of the library's working memory in megabytes. It denoises larger pictures in tiles, which overlap
 /// by the network's receptive field, so that the result has the same bytes.
-const MOST_MEMORY: c_int = 1000;
+const MAX_MEMORY: c_int = 1000;
 
 /// `OIDN_FORMAT_FLOAT3`.
 const FLOAT3: c_int = 3;
@@ -221,7 +221,7 @@ impl Denoiser {
                     image(c"normal", normal.pixels.as_ptr().cast_mut());
                     image(c"output", out.as_mut_ptr());
                     (f.set_bool)(filter, c"hdr".as_ptr(), true);
-                    (f.set_int)(filter, c"maxMemoryMB".as_ptr(), MOST_MEMORY);
+                    (f.set_int)(filter, c"maxMemoryMB".as_ptr(), MAX_MEMORY);
                     (f.commit_filter)(filter);
                     (f.execute)(filter);
                     (f.release_filter)(filter);

@@ -212,7 +212,7 @@ pub enum FilmError {
     },
     /// Stored numbers that no samples give: negative, not finite, or a count that is not an integer.
     #[error("count, mean or variance of pixel {}, {} of the film are not numbers from 0 on", pixel.x, pixel.y)]
-    Absurd {
+    InvalidMoments {
         /// Column and row within the frame.
         pixel: UVec2,
     },
@@ -497,7 +497,7 @@ impl Film {
             let counts = n <= f64::from(u32::MAX) && n.fract() == 0.0;
             if !counts || parts.iter().any(|x| !x.is_finite() || *x < 0.0) {
                 let pixel = window.pixel(i);
-                return Err(FilmError::Absurd { pixel });
+                return Err(FilmError::InvalidMoments { pixel });
             }
             let (mean, m2) = (DVec3::new(ax, ay, az), DVec3::new(bx, by, bz));
             *m = Moments::from_parts(n as u32, mean, m2);

@@ -36,7 +36,7 @@ pub const MAX_LEVELS: usize = 8;
 const CARRY: u32 = 1 << 14;
 
 /// Sum of the weights of a pixel's neighbours up to which none counts as similar.
-const LEAST_WEIGHT: f32 = 0.01;
+const MIN_WEIGHT: f32 = 0.01;
 
 const MAGIC: &[u8; 8] = b"opsrlvl4";
 
@@ -484,7 +484,7 @@ impl LevelFilm {
                 let first = ((place.x + place.y) % 2) as usize;
                 for level in 0..stride {
                     let own = self.mean_of(index, level);
-                    let beside = match sum > LEAST_WEIGHT {
+                    let beside = match sum > MIN_WEIGHT {
                         true => {
                             let light =
                                 near().map(|(near, weight)| weight * self.mean_of(near, level));

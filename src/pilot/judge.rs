@@ -38,7 +38,7 @@ const MARGIN: f64 = 3.0;
 const LEVELS_FALL: f64 = 0.8;
 
 /// A contender's small picture.
-pub(super) struct Draft {
+pub(super) struct PilotPicture {
     kind: IntegratorKind,
     /// False if the picture is regularised: less variance for some bias.
     plain: bool,
@@ -53,7 +53,7 @@ pub(super) struct Draft {
     variance: Vec<f64>,
 }
 
-impl Draft {
+impl PilotPicture {
     /// The picture of a contender after this number of samples per pixel, each of this cost.
     pub(super) fn of(contender: &Contender, picture: &Picture, samples: u32, cost: f64) -> Self {
         let grey = |buffer: &Buffer| {
@@ -125,10 +125,10 @@ impl Draft {
 }
 
 /// Median over some contenders in every pixel, so that a bright sample of one contender makes no difference.
-fn median(drafts: &[&Draft], values: impl Fn(&Draft) -> &[f64]) -> Vec<f64> {
-    let pixels = drafts.first().map_or(0, |draft| draft.mean.len());
+fn median(pilots: &[&PilotPicture], values: impl Fn(&PilotPicture) -> &[f64]) -> Vec<f64> {
+    let pixels = pilots.first().map_or(0, |pilot| pilot.mean.len());
     let of_pixel = |pixel: usize| {
-        let mut sorted: Vec<f64> = drafts.iter().map(|d| values(d)[pixel]).collect();
+        let mut sorted: Vec<f64> = pilots.iter().map(|d| values(d)[pixel]).collect();
         sorted.sort_by(f64::total_cmp);
         let (low, high) = ((sorted.len() - 1) / 2, sorted.len() / 2);
         0.5 * (sorted[low] + sorted[high])
@@ -137,31 +137,31 @@ fn median(drafts: &[&Draft], values: impl Fn(&Draft) -> &[f64]) -> Vec<f64> {
 }
 
 /// Radiance of every pixel, by the contenders that can find all light, or by all if there are none.
-fn radiance(drafts: &[Draft], punctual: bool) -> Vec<f64> {
-    let mut seeing: Vec<&Draft> = drafts.iter().filter(|d| !d.is_blind(punctual)).collect();
+fn radiance(pilots: &[PilotPicture], punctual: bool) -> Vec<f64> {
+    let mut seeing: Vec<&PilotPicture> = pilots.iter().filter(|d| !d.is_blind(punctual)).collect();
     if seeing.is_empty() {
-        seeing = drafts.iter().collect();
+        seeing = pilots.iter().collect();
     }
     median(&seeing, |d| &d.mean)
 }
 
-/// Light of a tile that is in another draft and not in this one.
-struct Lack {
+/// Light of a tile that is in another pilot and not in this one.
+struct TileDeficit {
     /// Square of the missing light, minus the variance of the difference.
     squared: f64,
     /// Missing light beyond [`DARKER`] standard errors.
     beyond: f64,
 }
 
-impl Lack {
+impl TileDeficit {
     /// Compares a tile's mean and variance with those of the others.
     fn of((mean, variance): (f64, f64), others: impl Iterator<Item = (f64, f64)>) -> Self {
         let (mut squared, mut beyond) = (0.0f64, 0.0f64);
         for (other, other_variance) in others {
-            let (noise, lack) = (variance + other_variance, other - mean);
-            let significant = lack - DARKER * noise.sqrt();
+            let (noise, deficit) = (variance + other_variance, other - mean);
+            let significant = deficit - DARKER * noise.sqrt();
             if significant > 0.0 {
-                squared = squared.max(lack * lack - noise);
+                squared = squared.max(deficit * deficit - noise);
                 beyond = beyond.max(significant);
             }
         }
@@ -171,9 +171,14 @@ impl Lack {
 
 /// Judges the contenders' small pictures of a window, for a render of `time` camera paths per pixel. `punctual` is true
 /// if there are lights without area.
-pub(super) fn judged(drafts: &[Draft], window: Window, time: f64, punctual: bool) -> Vec<Trial> {
-    let radiance = radiance(drafts, punctual);
-    let usual = median(&drafts.iter().collect::<Vec<_>>(), |d| &d.variance);
+pub(super) fn judged(
+    pilots: &[PilotPicture],
+    window: Window,
+    time: f64,
+    punctual: bool,
+) -> Vec<Trial> {
+    let radiance = radiance(pilots, punctual);
+    let usual = median(&pilots.iter().collect::<Vec<_>>(), |d| &d.variance);
     let tiles: Vec<Vec<usize>> = (window.tiles(TILE).iter())
         .map(|tile| super::window::inside(tile, &window).collect())
         .collect();
@@ -182,43 +187,41 @@ pub(super) fn judged(drafts: &[Draft], window: Window, time: f64, punctual: bool
     };
     let count = tiles.len().max(1) as f64;
     let mut light = 0.0f64;
-    let mut dark = vec![0.0; drafts.len()];
-    let mut roots = vec![0.0; drafts.len()];
-    let mut whole = vec![0.0; drafts.len()];
+    let [mut dark, mut roots, mut whole] = [0; 3].map(|_| vec![0.0; pilots.len()]);
     for pixels in &tiles {
         let shown = mean(pixels, &radiance);
-        let means: Vec<(f64, f64)> = drafts.iter().map(|d| d.tile(pixels, &usual)).collect();
-        let variances: Vec<f64> = (drafts.iter().enumerate())
-            .map(|(i, draft)| {
-                let lack = Lack::of(means[i], means.iter().copied());
-                let (samples, blind) = (draft.samples_in(time), draft.is_blind(punctual));
-                let found = draft.samples * pixels.len() as f64;
-                dark[i] += if blind { lack.beyond / count } else { 0.0 };
-                let least = lack.squared * if blind { samples } else { samples.min(found) };
-                mean(pixels, &draft.variance).max(least)
+        let means: Vec<(f64, f64)> = pilots.iter().map(|d| d.tile(pixels, &usual)).collect();
+        let variances: Vec<f64> = (pilots.iter().enumerate())
+            .map(|(i, pilot)| {
+                let deficit = TileDeficit::of(means[i], means.iter().copied());
+                let (samples, blind) = (pilot.samples_in(time), pilot.is_blind(punctual));
+                let found = pilot.samples * pixels.len() as f64;
+                dark[i] += if blind { deficit.beyond / count } else { 0.0 };
+                let least = deficit.squared * if blind { samples } else { samples.min(found) };
+                mean(pixels, &pilot.variance).max(least)
             })
             .collect();
-        for (i, draft) in drafts.iter().enumerate() {
+        for (i, pilot) in pilots.iter().enumerate() {
             let more =
-                |&j: &usize| draft.plain && draft.kind.row().part_of.contains(&drafts[j].kind);
-            let variance = ((0..drafts.len()).filter(more))
+                |&j: &usize| pilot.plain && pilot.kind.row().part_of.contains(&pilots[j].kind);
+            let variance = ((0..pilots.len()).filter(more))
                 .map(|j| variances[j])
                 .fold(variances[i], f64::max);
-            let samples = draft.divisor(draft.samples_in(time));
+            let samples = pilot.divisor(pilot.samples_in(time));
             let squared = variance / (shown * shown + EPSILON) / samples;
             roots[i] += squared.min(1.0).sqrt() / count;
             whole[i] += means[i].0 / count;
             light = light.max(whole[i]);
         }
     }
-    let trial = |(i, draft): (usize, &Draft)| Trial {
-        kind: draft.kind,
-        levels: draft.levels,
-        samples: draft.samples_in(time),
+    let trial = |(i, pilot): (usize, &PilotPicture)| Trial {
+        kind: pilot.kind,
+        levels: pilot.levels,
+        samples: pilot.samples_in(time),
         error: roots[i],
         missed: dark[i] / light.max(1e-30),
     };
-    drafts.iter().enumerate().map(trial).collect()
+    pilots.iter().enumerate().map(trial).collect()
 }
 
 /// Index of the trial to take: `first`, the advised one, unless it misses light or another is clearly better. If all
@@ -227,7 +230,7 @@ pub(super) fn best(trials: &[Trial], first: usize) -> Option<usize> {
     let sees = |i: &usize| trials[*i].missed < MISSED;
     let order = |a: &usize, b: &usize| trials[*a].error.total_cmp(&trials[*b].error);
     let seeing = || (0..trials.len()).filter(sees);
-    let called = trials.get(first)?;
+    let advised = trials.get(first)?;
     if !sees(&first) {
         let missed = |a: &usize, b: &usize| trials[*a].missed.total_cmp(&trials[*b].missed);
         return seeing()
@@ -235,8 +238,8 @@ pub(super) fn best(trials: &[Trial], first: usize) -> Option<usize> {
             .or_else(|| (0..trials.len()).min_by(missed));
     }
     let clearly = |i: &usize| {
-        let known = !trials[*i].levels || called.kind == IntegratorKind::Path;
-        known && trials[*i].error * MARGIN.sqrt() < called.error
+        let known = !trials[*i].levels || advised.kind == IntegratorKind::Path;
+        known && trials[*i].error * MARGIN.sqrt() < advised.error
     };
     seeing().filter(clearly).min_by(order).or(Some(first))
 }

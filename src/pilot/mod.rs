@@ -25,7 +25,7 @@ use crate::regularise::Rule;
 use crate::sampler::{Domain, SamplerKind, Seed};
 use crate::scene::Scene;
 pub(crate) use first_sample::with_a_first_sample;
-use judge::{Draft, best, judged};
+use judge::{PilotPicture, best, judged};
 use std::fmt;
 use std::time::Duration;
 use stopwatch::Stopwatch;
@@ -35,7 +35,7 @@ use window::pilot_window;
 const SHARE: f64 = 0.05;
 
 /// Most work of a race in camera paths, 1.5 CPU-seconds. The bound lets a crop choose as its whole frame does.
-const MOST_PATHS: f64 = (1 << 20) as f64;
+const MAX_PATHS: f64 = (1 << 20) as f64;
 
 /// Share of the render's work that the first round should take.
 const FIRST_SHARE: f64 = 0.02;
@@ -279,7 +279,7 @@ fn worth_a_try(contenders: &[Contender], scene: &Scene) -> Vec<usize> {
 
 /// Index among some contenders of the advised one; if it is not among them, of roughened path tracing, or else of the
 /// first.
-fn called_for(kind: IntegratorKind, contenders: &[&Contender]) -> usize {
+fn advised_index(kind: IntegratorKind, contenders: &[&Contender]) -> usize {
     let advised = |c: &&&Contender| c.kind == kind && !kind.is_path();
     let path = |c: &&&Contender| c.kind.is_path() && c.settings.rule != Rule::Plain;
     let place = |wanted: &dyn Fn(&&&Contender) -> bool| {
@@ -317,7 +317,7 @@ pub fn choose_integrator(
     let places = worth_a_try(contenders, scene);
     let tried: Vec<&Contender> = places.iter().map(|&i| &contenders[i]).collect();
     let advice = advise(scene);
-    let called = called_for(advice.kind, &tried);
+    let advised = advised_index(advice.kind, &tried);
     let pixels = window.len() as f64;
     let frames = f64::from(frame.x) * f64::from(frame.y) / pixels;
     let usual = |i: usize| usual_cost(&contenders[i], frames);
@@ -326,7 +326,7 @@ pub fn choose_integrator(
         Horizon::Samples(samples) => f64::from(samples) * pixels,
         Horizon::Seconds(seconds) => seconds * PATHS_PER_SECOND,
     };
-    let most = (SHARE * paths).min(MOST_PATHS);
+    let most = (SHARE * paths).min(MAX_PATHS);
     let round: f64 = places.iter().map(|&i| f64::from(first(i)) * usual(i)).sum();
     let small = (FIRST_SHARE * paths / round.max(1.0)).clamp(PIXELS.0, PIXELS.1);
     let (small_frame, small_window) = pilot_window(frame, window, small as f32);
@@ -361,25 +361,25 @@ pub fn choose_integrator(
                 }
                 runners[place].run(&small);
             }
-            let drafts: Vec<Draft> = runners.iter().map(Runner::draft).collect();
-            trials = judged(&drafts, small_window, paths / pixels, punctual);
-            let stay = still_racing(&runners, &trials, called);
+            let pilots: Vec<PilotPicture> = runners.iter().map(Runner::pilot).collect();
+            trials = judged(&pilots, small_window, paths / pixels, punctual);
+            let stay = still_racing(&runners, &trials, advised);
             if is_over(&runners, &stay, most / small_pixels) {
                 break;
             }
             for (runner, stays) in runners.iter_mut().zip(stay) {
                 runner.races = stays;
-                runner.wanted *= 2;
+                runner.target_samples *= 2;
             }
         }
-        chosen = best(&trials, called);
+        chosen = best(&trials, advised);
     }
-    let best = places.get(chosen.unwrap_or(called)).copied().unwrap_or(0);
+    let best = places.get(chosen.unwrap_or(advised)).copied().unwrap_or(0);
     Ok(Some(Choice {
         best,
         name: contenders[best].name(),
         chosen,
-        first: called,
+        first: advised,
         why: advice.why,
         trials,
         seconds: pilot.seconds().1,
@@ -387,12 +387,12 @@ pub fn choose_integrator(
 }
 
 /// True for contenders that stay in the race: the advised one, and those that are not far behind the best.
-fn still_racing(runners: &[Runner], trials: &[Trial], called: usize) -> Vec<bool> {
+fn still_racing(runners: &[Runner], trials: &[Trial], advised: usize) -> Vec<bool> {
     let seen = |t: &&Trial| t.missed < MISSED;
     let least = (trials.iter().filter(seen)).fold(f64::INFINITY, |e, t| e.min(t.error));
     let stays = |t: &Trial| t.missed < MISSED && t.error < BEHIND * least;
     (runners.iter().zip(trials).enumerate())
-        .map(|(i, (runner, trial))| runner.races && (i == called || stays(trial)))
+        .map(|(i, (runner, trial))| runner.races && (i == advised || stays(trial)))
         .collect()
 }
 
@@ -417,7 +417,7 @@ fn is_late(runners: &[Runner], horizon: Horizon, [before, now]: [f64; 2]) -> boo
         (runners.iter().map(|r| f64::from(samples(r)) * r.cost)).sum()
     };
     let so_far = work(|r| r.samples);
-    let end = work(|r| if r.races { r.wanted } else { r.samples });
+    let end = work(|r| if r.races { r.target_samples } else { r.samples });
     so_far > 0.0 && before + (now - before) * end / so_far > SHARE * seconds
 }
 
@@ -429,7 +429,7 @@ struct Runner {
     picture: Picture,
     /// Samples per pixel so far, and those after the next round.
     samples: u32,
-    wanted: u32,
+    target_samples: u32,
     /// Cost of a sample per pixel over that of the path tracer.
     cost: f64,
     races: bool,
@@ -462,7 +462,7 @@ impl Runner {
                 settings,
             },
             samples: 0,
-            wanted: first,
+            target_samples: first,
             cost,
             races: true,
         })
@@ -470,13 +470,13 @@ impl Runner {
 
     fn run(&mut self, view: &View<'_>) {
         self.integrator.prepare(view);
-        (self.integrator).pass(view, self.samples..self.wanted, &mut self.picture);
-        self.samples = self.wanted;
+        (self.integrator).pass(view, self.samples..self.target_samples, &mut self.picture);
+        self.samples = self.target_samples;
     }
 
     /// The small picture so far.
-    fn draft(&self) -> Draft {
-        Draft::of(&self.contender, &self.picture, self.samples, self.cost)
+    fn pilot(&self) -> PilotPicture {
+        PilotPicture::of(&self.contender, &self.picture, self.samples, self.cost)
     }
 }
 

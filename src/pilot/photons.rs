@@ -4,7 +4,7 @@
 //! samples. Each small picture is an independent estimate of the light of every region of the frame. Their spread is
 //! therefore the error of their mean, although pixels of one picture share light paths.
 
-use super::witness::{LEAST, Missing, Part, SHARE, around, normal_bound, squared_error};
+use super::witness::{MIN_SHARES, MissingLight, Part, SHARE, around, normal_bound, squared_error};
 use crate::image::film::{Film, Window};
 use crate::integrator::bidirectional::Radius;
 use crate::integrator::method::IntegratorKind;
@@ -23,7 +23,7 @@ const REGION: u32 = 4;
 const REGIONS: (f64, f64) = (12.0, 192.0);
 
 /// Most of the render's time that the pictures take, where [`SHARE`] is too little for the fewest regions.
-const MOST: f64 = 0.12;
+const MAX_TIME_SHARE: f64 = 0.12;
 
 /// Probability that chance alone raises one of the regions of a picture above the bound.
 const CHANCE: f64 = 0.05;
@@ -64,7 +64,7 @@ fn regions_beside(
     let traced = view.window.len() as f64 * f64::from(samples);
     let cost = witness.estimator.cost(1.0) * f64::from(PICTURES * REGION * REGION);
     let most = (SHARE * traced / cost).clamp(REGIONS.0, REGIONS.1);
-    if most > MOST * traced / cost {
+    if most > MAX_TIME_SHARE * traced / cost {
         return None;
     }
     grid(frame, most)
@@ -88,7 +88,7 @@ pub(super) fn missing_light(
     settings: &Settings,
     picture: &Picture,
     samples: u32,
-) -> Option<Missing> {
+) -> Option<MissingLight> {
     let witness = witness(settings);
     let grid = regions_beside(view, settings, &witness, samples)?;
     let small = grid * REGION;
@@ -161,7 +161,7 @@ fn student(z: f64, freedom: f64) -> f64 {
 }
 
 /// The light that a picture misses, given the light of every region in independent pictures.
-fn compared(lights: &[Vec<f64>], picture: &Picture, grid: UVec2) -> Option<Missing> {
+fn compared(lights: &[Vec<f64>], picture: &Picture, grid: UVec2) -> Option<MissingLight> {
     let frame = picture.film.size;
     let own = light_in(picture, grid);
     // The squared error of a mean over n pixels is the mean of theirs over n.
@@ -181,7 +181,7 @@ fn compared(lights: &[Vec<f64>], picture: &Picture, grid: UVec2) -> Option<Missi
     };
     let all: Vec<usize> = (0..own.len()).collect();
     let share = over(&all).share();
-    if share.is_nan() || share < LEAST.0 {
+    if share.is_nan() || share < MIN_SHARES.0 {
         return None;
     }
     let (columns, rows) = (grid.x as usize, grid.y as usize);
@@ -198,7 +198,7 @@ fn compared(lights: &[Vec<f64>], picture: &Picture, grid: UVec2) -> Option<Missi
     };
     let squares: Vec<f32> = parts.iter().map(square).collect();
     let half = UVec2::new(darkest as u32 % grid.x, darkest as u32 / grid.x) * 2 + UVec2::ONE;
-    Some(Missing {
+    Some(MissingLight {
         share,
         pixel: half * frame / (grid * 2),
         finder: IntegratorKind::Vcm,

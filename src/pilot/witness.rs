@@ -36,11 +36,11 @@ const TILE: (u32, u32) = (1024, 8);
 const CHANCE: f64 = 1e-3;
 
 /// Least missing share of the light: of the whole beyond noise, which roughening changes by less; and of a part.
-pub(super) const LEAST: (f64, f64) = (0.01, 0.1);
+pub(super) const MIN_SHARES: (f64, f64) = (0.01, 0.1);
 
 /// Light that is missing in a picture.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Missing {
+pub struct MissingLight {
     /// Lower bound of the missing share of the light.
     pub share: f64,
     /// Pixel of the frame around which most light is missing.
@@ -51,7 +51,7 @@ pub struct Missing {
     pub squares: Vec<f32>,
 }
 
-impl Missing {
+impl MissingLight {
     /// Expected errors of pixels with the missing light added, at most 1.
     pub(crate) fn beside(&self, mut errors: Vec<f32>) -> Vec<f32> {
         let pairs = errors.iter_mut().zip(&self.squares);
@@ -65,7 +65,7 @@ impl Missing {
     }
 }
 
-impl fmt::Display for Missing {
+impl fmt::Display for MissingLight {
     /// The share, the place, and an option that finds the light.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let UVec2 { x, y } = self.pixel;
@@ -125,7 +125,7 @@ impl Part {
     /// True if light is missing by more than this number of standard errors and by the least share of a part.
     pub(super) fn is_dark(&self, bound: f64) -> bool {
         let errors = self.excess / self.variance.sqrt().max(f64::MIN_POSITIVE);
-        errors > bound && self.excess > LEAST.1 * self.light
+        errors > bound && self.excess > MIN_SHARES.1 * self.light
     }
 }
 
@@ -147,7 +147,7 @@ pub fn missing_light(
     settings: &Settings,
     picture: &Picture,
     samples: u32,
-) -> Option<Missing> {
+) -> Option<MissingLight> {
     let count = samples_beside(view, settings, samples);
     if count == 0 {
         return photons::missing_light(view, settings, picture, samples);
@@ -174,11 +174,11 @@ pub fn missing_light(
         }
         _ => kind,
     };
-    Some(Missing { finder, ..found })
+    Some(MissingLight { finder, ..found })
 }
 
 /// The light that a film misses, given a witness with this number of samples per pixel.
-fn compared(witness: &Film, film: &Film, samples: u32) -> Option<Missing> {
+fn compared(witness: &Film, film: &Film, samples: u32) -> Option<MissingLight> {
     let window = film.window;
     let edge = (f64::from(TILE.0) / f64::from(samples)).sqrt().ceil() as u32;
     let edge = edge.max(TILE.1);
@@ -187,7 +187,7 @@ fn compared(witness: &Film, film: &Film, samples: u32) -> Option<Missing> {
     let mut whole = Part::default();
     parts.iter().for_each(|part| whole.add(part));
     let share = whole.share();
-    if share.is_nan() || share < LEAST.0 {
+    if share.is_nan() || share < MIN_SHARES.0 {
         return None;
     }
     let columns = window.w.div_ceil(edge) as usize;
@@ -212,7 +212,7 @@ fn compared(witness: &Film, film: &Film, samples: u32) -> Option<Missing> {
         let square = (part.excess * part.excess - part.variance).max(0.0) / part.light.powi(2);
         super::window::inside(tile, &window).for_each(|i| squares[i] = square as f32);
     }
-    Some(Missing {
+    Some(MissingLight {
         share,
         pixel,
         finder: IntegratorKind::Path,

@@ -17,7 +17,7 @@ use crate::image::{Buffer, png};
 use crate::integrator::Picture;
 use crate::integrator::layers::{Aov, Layers};
 use crate::math::Rgb;
-use crate::pilot::witness::Missing;
+use crate::pilot::witness::MissingLight;
 use crate::resolve::{
     Resolve, Resolved, Statement, denoise_film, film_error, film_errors, resolve_film,
 };
@@ -103,7 +103,7 @@ impl Shown {
 
     /// Expected relative error of every pixel, including the light that a witness found missing. `None` with too few
     /// samples. For denoised means of samples it is the error before denoising.
-    pub fn errors(&self, film: &Film, missing: Option<&Missing>) -> Option<Vec<f32>> {
+    pub fn errors(&self, film: &Film, missing: Option<&MissingLight>) -> Option<Vec<f32>> {
         let own = match &self.resolved {
             Some(resolved) => resolved.is_known().then(|| resolved.error()),
             None => film_errors(film),
@@ -116,7 +116,7 @@ impl Shown {
 
     /// Stated error of the picture, including the light that a witness found missing; its mean is that of
     /// [`errors`](Self::errors). For denoised means of samples it is the error before denoising.
-    pub fn statement(&self, film: &Film, missing: Option<&Missing>) -> Statement {
+    pub fn statement(&self, film: &Film, missing: Option<&MissingLight>) -> Statement {
         let own = match &self.resolved {
             Some(resolved) => resolved.statement(),
             None => film_error(film),
@@ -131,7 +131,7 @@ pub struct Outcome<'a> {
     /// Films and AOVs.
     pub picture: Cow<'a, Picture>,
     /// Light that a witness found missing in the picture.
-    pub missing: Option<Missing>,
+    pub missing: Option<MissingLight>,
     /// The requested layers.
     pub aovs: Vec<Layer>,
     /// Metadata of EXR files.
@@ -150,7 +150,7 @@ impl<'a> Outcome<'a> {
         request: &Request<'_>,
         picture: Cow<'a, Picture>,
         samples: u32,
-        missing: Option<Missing>,
+        missing: Option<MissingLight>,
     ) -> Self {
         let mut metadata = request.metadata(samples, picture.film.rejected.total());
         if let Some(missing) = &missing {

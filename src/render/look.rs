@@ -183,7 +183,7 @@ pub enum CameraChoice {
     /// A file that the viewer saved.
     File(PathBuf),
     /// Numbers, or the content of a file.
-    Held(Box<Look>),
+    Numbers(Box<Look>),
 }
 
 impl CameraChoice {
@@ -192,7 +192,7 @@ impl CameraChoice {
         match self {
             Self::Named(_) => Ok(None),
             Self::File(path) => Look::load(path).map(Some),
-            Self::Held(look) => Ok(Some(**look)),
+            Self::Numbers(look) => Ok(Some(**look)),
         }
     }
 
@@ -200,7 +200,7 @@ impl CameraChoice {
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::File(path) => Some(path),
-            Self::Named(_) | Self::Held(_) => None,
+            Self::Named(_) | Self::Numbers(_) => None,
         }
     }
 }
@@ -208,7 +208,7 @@ impl CameraChoice {
 impl Field for CameraChoice {
     fn read(value: &Value, range: &Range) -> Result<Self, String> {
         if let Some(look) = value.as_str().and_then(Look::parse) {
-            return look.check().map(|()| Self::Held(Box::new(look)));
+            return look.check().map(|()| Self::Numbers(Box::new(look)));
         }
         let NameOrNumber(text) = NameOrNumber::read(value, range)?;
         let ending = Path::new(&text).extension();
@@ -229,7 +229,7 @@ impl Field for CameraChoice {
         match self {
             Self::Named(name) => name.clone(),
             Self::File(path) => path.display().to_string(),
-            Self::Held(look) => look.text(),
+            Self::Numbers(look) => look.text(),
         }
     }
 

@@ -259,7 +259,7 @@ impl Spec {
             (Mode::RoughnessClamp, ..) => Rule::RoughnessClamp,
             (Mode::Mollifier, ..) => Rule::Mollifier(MOLLIFIER_RADIUS),
             (_, Some(TableChoice::Factor(gamma))) => accumulated(Factors::Constant(gamma)),
-            (_, Some(TableChoice::Held(file, _))) => {
+            (_, Some(TableChoice::Loaded(file, _))) => {
                 table_sha256 = Some(hex(&file.digest()));
                 table_scenes = file.provenance.as_ref().map(|p| p.scenes.len());
                 let mut table = file.table.clone();

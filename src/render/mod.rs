@@ -29,5 +29,5 @@ pub mod value;
 
 pub use fault::{Cause, Fault, Names};
 pub use finished::{Finished, Outcome, STATED, Shown};
-pub use request::{Begun, Output, Request, Subject, run};
+pub use request::{Output, PreparedRender, Request, Subject, run};
 pub use spec::{Effect, Heading, OPTIONS, Opt, Spec, renamed};

@@ -72,7 +72,7 @@ impl Opened {
 }
 
 /// Number of warnings of one kind that are printed in full; the rest are counted.
-const TOLD: usize = 3;
+const SHOWN: usize = 3;
 
 /// Characters at the end of a warning that determine its kind; names come before them.
 const KIND: usize = 32;
@@ -88,19 +88,19 @@ fn gathered(warnings: Vec<String>) -> Vec<String> {
         *kinds.entry(kind(warning)).or_default() += 1;
     }
     let mut seen = BTreeMap::<String, usize>::new();
-    let mut told = Vec::new();
+    let mut out = Vec::new();
     for warning in warnings {
         let kind = kind(&warning);
         let all = kinds.get(&kind).copied().unwrap_or(1);
         let number = seen.entry(kind).or_default();
         *number += 1;
         match *number {
-            n if n <= TOLD || all == TOLD + 1 => told.push(warning),
-            n if n == TOLD + 1 => told.push(format!("{} more warnings like the last", all - TOLD)),
+            n if n <= SHOWN || all == SHOWN + 1 => out.push(warning),
+            n if n == SHOWN + 1 => out.push(format!("{} more warnings like the last", all - SHOWN)),
             _ => {}
         }
     }
-    told
+    out
 }
 
 /// Ratio of the scene's own light to that of named surroundings above which the surroundings are too faint to show.
@@ -133,7 +133,7 @@ fn reflects_nothing(scene: &Scene) -> bool {
 }
 
 /// Largest radiance of surroundings, so that single precision holds the light of surfaces.
-const MOST_RADIANCE: f32 = 1e30;
+const MAX_RADIANCE: f32 = 1e30;
 
 impl Spec {
     /// Surroundings of the scene.
@@ -182,10 +182,10 @@ impl Spec {
         let brightest = |map: &Environment| map.average().max_element() * map.peak();
         if self.env_intensity.is_some()
             && let Some(radiance) = all.as_ref().map(brightest)
-            && (radiance.is_nan() || radiance > MOST_RADIANCE)
+            && (radiance.is_nan() || radiance > MAX_RADIANCE)
         {
             let why =
-                format!("makes surroundings of radiance {radiance:e}, above {MOST_RADIANCE:e}");
+                format!("makes surroundings of radiance {radiance:e}, above {MAX_RADIANCE:e}");
             return Err(Fault::option("env_intensity", why));
         }
         Ok(all)

@@ -29,7 +29,7 @@ impl Request<'_> {
         choices.extend(self.amounts());
         match &self.own().table {
             // A table passed by a program has no name.
-            None | Some(TableChoice::Held(_, None)) => {}
+            None | Some(TableChoice::Loaded(_, None)) => {}
             Some(table) => choices.push(("table", table.text())),
         }
         for (name, text) in self.own().recorded(self.kind) {

@@ -13,7 +13,7 @@ use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Amounts, Estimator, Picture, Recorded, Settings, Stop, View};
 use crate::math::UVec2;
 use crate::memory;
-use crate::pilot::witness::{Missing, missing_light};
+use crate::pilot::witness::{MissingLight, missing_light};
 use crate::pilot::{
     Choice, Contender, Horizon, SPP_OF_TARGET, choose_integrator, left_after, with_a_first_sample,
 };
@@ -73,7 +73,7 @@ pub struct Request<'a> {
 }
 
 /// A render before its first pass.
-pub struct Begun {
+pub struct PreparedRender {
     /// The picture to continue.
     pub picture: Picture,
     /// Number of its samples per pixel.
@@ -95,7 +95,7 @@ pub struct Output {
     /// The limit that ended it.
     pub reason: Reason,
     /// Light that a witness found missing in the picture.
-    pub missing: Option<Missing>,
+    pub missing: Option<MissingLight>,
 }
 
 /// Callback after each pass, with the picture so far. It can end the render.
@@ -150,13 +150,13 @@ impl Spec {
         }
         let whole = match self.looking()?.filter(|look| look.aspect.is_some()) {
             Some(look) => look.default_frame(),
-            None => camera(scene, self.wanted(), 1.0)?.default_frame(),
+            None => camera(scene, self.camera_name(), 1.0)?.default_frame(),
         };
         Ok(self.size.unwrap_or(Size::Share(1.0)).of(whole))
     }
 
     /// Name or number of the requested camera.
-    fn wanted(&self) -> Option<&str> {
+    fn camera_name(&self) -> Option<&str> {
         match &self.camera {
             Some(CameraChoice::Named(name)) => Some(name),
             _ => None,
@@ -182,7 +182,7 @@ impl Spec {
     pub fn camera(&self, scene: &Scene, frame: UVec2) -> Result<Camera, Fault> {
         let camera = match self.looking()? {
             Some(look) => look,
-            None => camera(scene, self.wanted(), frame.x as f32 / frame.y as f32)?,
+            None => camera(scene, self.camera_name(), frame.x as f32 / frame.y as f32)?,
         };
         self.through(camera)
     }
@@ -434,7 +434,7 @@ impl<'a> Request<'a> {
 
     /// Chooses the integrator, if it is open, and prepares the picture. `None` if `go_on`, which is called before every
     /// small render, returns false.
-    pub fn begin(&mut self, go_on: &dyn Fn() -> bool) -> Result<Option<Begun>, Fault> {
+    pub fn begin(&mut self, go_on: &dyn Fn() -> bool) -> Result<Option<PreparedRender>, Fault> {
         let clock = Instant::now();
         let ControlFlow::Continue(choice) = self.choose(go_on)? else {
             return Ok(None);
@@ -457,7 +457,7 @@ impl<'a> Request<'a> {
                 )
             }
         };
-        Ok(Some(Begun {
+        Ok(Some(PreparedRender {
             picture,
             start,
             spent,
@@ -468,17 +468,17 @@ impl<'a> Request<'a> {
 
     /// Renders until the budget is spent or the callback breaks.
     ///
-    /// Setting the flag `asked` ends the render between tiles or chains.
-    pub fn render(&self, begun: Begun, asked: Option<&AtomicBool>, on_pass: OnPass<'_>) -> Output {
-        let Begun {
-            mut picture,
-            start,
-            pilot,
-            ..
-        } = begun;
+    /// Setting `stop_flag` ends the render between tiles or chains.
+    pub fn render(
+        &self,
+        begun: PreparedRender,
+        stop_flag: Option<&AtomicBool>,
+        on_pass: OnPass<'_>,
+    ) -> Output {
+        let mut picture = begun.picture;
         let mut integrator = self.settings.integrator();
-        let (mut view, budget) = (self.view(), self.spec.budget(pilot));
-        let ends = asked.map(Stop::when);
+        let (mut view, budget) = (self.view(), self.spec.budget(begun.pilot));
+        let ends = stop_flag.map(Stop::when);
         if let Some(ends) = &ends {
             view = view.until(ends);
         }
@@ -486,7 +486,7 @@ impl<'a> Request<'a> {
             &mut *integrator,
             &view,
             &budget,
-            start,
+            begun.start,
             &mut picture,
             on_pass,
         );

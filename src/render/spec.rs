@@ -488,7 +488,7 @@ impl Spec {
             focus: lens.focus.or(look.focus).filter(|_| lens.radius > 0.0),
             ..lens
         });
-        self.camera = Some(CameraChoice::Held(Box::new(look)));
+        self.camera = Some(CameraChoice::Numbers(Box::new(look)));
         Ok(())
     }
 

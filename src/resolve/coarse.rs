@@ -14,8 +14,8 @@
 //! n' is the number of averaged pixels. If hits are expected but none occur, the pixels are dark and the exponential is
 //! near zero. If no hit is expected, its absence is no evidence of darkness.
 //!
-//! At the scale of energies the variance of a level is at least the square of the light that it has [missed](unmet): a
-//! level without any hit of the sun has only the light of the sky, which looks well sampled.
+//! At the scale of energies the variance of a level is at least the square of the light that it has
+//! [missed](missed_light): a level without any hit of the sun has only the light of the sky, which looks well sampled.
 
 use super::filter::{Size, tent};
 use super::layer::{Batches, median, squared_difference, variance_of_mean};
@@ -49,10 +49,10 @@ pub(super) const FACTORS: [f32; 2] = [0.5, 16.0];
 const DOUBT: f32 = 2.0;
 
 /// Cap of a batch in blurs, as a multiple of the median of the batches around.
-const OF_MEDIAN: f32 = 10.0;
+const CAP_PER_MEDIAN: f32 = 10.0;
 
 /// Multiple of the mean hit of a wider area that is added to the cap: if most batches are black, hits are usual.
-const OF_HITS: f32 = 4.0;
+const CAP_PER_HIT: f32 = 4.0;
 
 /// Least share of a level's missing light that the next level adds, if that light was missed and is no bias.
 const AT_ONCE: f32 = 0.8;
@@ -195,7 +195,7 @@ impl Coarse {
                     / (count as f32 * AVERAGED)
                     * (-self.expected(AVERAGED, roughest, size)).exp();
                 let sampled = grey(variance_of_mean(&batches[level][..count]) + missing);
-                sampled.max(unmet(&means[level..]).powi(2))
+                sampled.max(missed_light(&means[level..]).powi(2))
             })
             .collect();
         let error = |level: usize| {
@@ -209,7 +209,7 @@ impl Coarse {
         let best =
             (1..levels.len()).fold(0, |best, k| if error(k) < error(best) { k } else { best });
         let variance = variance_of_mean(&batches[best][..count]);
-        brought(have, means[best] - have, variance)
+        restoring_factor(have, means[best] - have, variance)
     }
 
     /// Expected hits in a number of pixels with this light, where each hit has this size.
@@ -243,7 +243,7 @@ impl Coarse {
 
 /// Light that the first of these levels, the sharpest, has missed; 0 if rougher levels may be brighter by their bias. A
 /// bias grows up to the last level. Missed light appears at the next level, and later levels add hardly any.
-fn unmet(means: &[Vec3A]) -> f32 {
+fn missed_light(means: &[Vec3A]) -> f32 {
     let [first, next, .., last] = means else {
         return 0.0;
     };
@@ -261,7 +261,7 @@ fn grey(light: Vec3A) -> f32 {
 }
 
 /// The factor that raises the light `have` by the part of `more` that is significant against this variance.
-pub(super) fn brought(have: Vec3A, more: Vec3A, variance: Vec3A) -> Vec3A {
+pub(super) fn restoring_factor(have: Vec3A, more: Vec3A, variance: Vec3A) -> Vec3A {
     let floor = have * ROUNDING;
     let noise = DOUBT * (variance + floor * floor);
     let square = (more * more).max(Vec3A::splat(f32::MIN_POSITIVE));
@@ -339,8 +339,8 @@ impl Caps {
             most: most
                 .map(|((median, mean), lit)| {
                     // Without a hit around, the mean hit would be 0/0.
-                    let of_hits = if *lit > 0.0 { OF_HITS / lit } else { 0.0 };
-                    *median * OF_MEDIAN + *mean * of_hits
+                    let of_hits = if *lit > 0.0 { CAP_PER_HIT / lit } else { 0.0 };
+                    *median * CAP_PER_MEDIAN + *mean * of_hits
                 })
                 .collect(),
         }

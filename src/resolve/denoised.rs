@@ -44,8 +44,8 @@ const SPREAD: f32 = 0.2;
 
 /// Largest and least λ; shares are scaled so that the least one becomes 0. Excessive smoothing is more visible than its
 /// squared error says, and light that a filter spreads from a lamp reaches far.
-const MOST: f32 = 0.7;
-const LEAST: f32 = 0.1;
+const MAX_LAMBDA: f32 = 0.7;
+const MIN_LAMBDA: f32 = 0.1;
 
 /// Radius in pixels over which brightness and noise are smoothed.
 const NEAR: usize = 1;
@@ -112,7 +112,7 @@ fn shares(light: &Weights, halves: &[Half; 2]) -> Vec<f32> {
     let sum = |values: &[f32]| values.iter().map(|&x| f64::from(x)).sum::<f64>();
     let (gain, square) = (sum(&gains), sum(&squares));
     let overall = if square > 0.0 {
-        (gain / square).clamp(0.0, f64::from(MOST)) as f32
+        (gain / square).clamp(0.0, f64::from(MAX_LAMBDA)) as f32
     } else {
         0.0
     };
@@ -125,7 +125,7 @@ fn shares(light: &Weights, halves: &[Half; 2]) -> Vec<f32> {
         let all = INDEPENDENT * q * q + v;
         let best = (INDEPENDENT * n * q + v * overall) / all;
         let best = if all > 0.0 { best } else { 0.0 };
-        (best.clamp(LEAST, MOST) - LEAST) * MOST / (MOST - LEAST)
+        (best.clamp(MIN_LAMBDA, MAX_LAMBDA) - MIN_LAMBDA) * MAX_LAMBDA / (MAX_LAMBDA - MIN_LAMBDA)
     };
     (0..pixels).map(share).collect()
 }

@@ -18,7 +18,7 @@ pub(super) const WIDE_RADIUS: usize = 3;
 const SIGNIFICANT: f32 = 4.0;
 
 /// Share that counts of an insignificant difference of four batches, up to the wider U; for n batches times (n/4)².
-const DOUBTFUL: f32 = 0.4;
+const INSIGNIFICANT_SHARE: f32 = 0.4;
 
 /// Radius in pixels of the filter of the shares of candidates.
 pub(super) const SHARE_RADIUS: usize = 1;
@@ -285,17 +285,18 @@ fn bias<const N: usize>(
         &weights.own
     };
     let mut all = vec![0.0f32; weights.len()];
-    let share = DOUBTFUL * (N as f32 / BATCHES as f32).powi(2);
+    let share = INSIGNIFICANT_SHARE * (N as f32 / BATCHES as f32).powi(2);
     for &anchor in &one.sharper {
         let differences = || {
             let pairs = one.light.iter().zip(&candidates[anchor].light);
-            pairs.map(|(ours, theirs)| apart::<N>(ours, theirs))
+            pairs.map(|(ours, theirs)| difference::<N>(ours, theirs))
         };
         let mut smooth: Vec<Vec3A> = differences().map(|d| squared_difference(&d)).collect();
         // Only light of rare hits needs this check for coincidences.
         if one.missing.is_some() {
-            smooth = seen_again(size.0, &smooth, |i| {
-                without_largest(&apart::<N>(&one.light[i], &candidates[anchor].light[i]))
+            smooth = confirmed(size.0, &smooth, |i| {
+                let theirs = &candidates[anchor].light[i];
+                without_largest(&difference::<N>(&one.light[i], theirs))
             });
         }
         let most = one.doubted.then(|| {
@@ -319,7 +320,7 @@ fn bias<const N: usize>(
 }
 
 /// The differences of two candidates' batches.
-fn apart<const N: usize>(ours: &[Vec3A; BATCHES], theirs: &[Vec3A; BATCHES]) -> [Vec3A; N] {
+fn difference<const N: usize>(ours: &[Vec3A; BATCHES], theirs: &[Vec3A; BATCHES]) -> [Vec3A; N] {
     std::array::from_fn(|b| ours[b] - theirs[b])
 }
 
@@ -347,7 +348,7 @@ fn doubtful(size: Size, squares: Vec<f32>, variances: Vec<f32>, batches: usize) 
 
 /// Squared differences, limited to those of a pixel around, or of the pixel's batches without the one that differs
 /// most. Hits of several batches that coincide in one pixel would look like a bias.
-pub(super) fn seen_again(
+pub(super) fn confirmed(
     width: usize,
     squares: &[Vec3A],
     without_largest: impl Fn(usize) -> Vec3A,

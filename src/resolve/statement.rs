@@ -26,15 +26,15 @@ const KNOWN: f64 = 0.5;
 
 /// Ratio of a pixel's mean absolute error to the mean absolute noise between halves: bias and missed light, which both
 /// share, are the same share nearly everywhere. The inverse of the median, measured in docs/lab/average_error.md.
-const SHARED: f64 = 1.65;
+const ERROR_RATIO: f64 = 1.65;
 
 /// The same ratio for raw means, without blurs and roughening, whose noise is estimated from their variance.
-const UNMET: f64 = 1.1;
+const RAW_ERROR_RATIO: f64 = 1.1;
 
 /// Factor on the average error if a picture's variance is multiplied by `variance`. `chosen` is true for a choice among
 /// levels and blurs, false for raw means. The squared stated error beyond noise stays.
 pub fn error_of_less_noise(variance: f64, chosen: bool) -> f64 {
-    let stated: f64 = if chosen { SHARED } else { UNMET };
+    let stated: f64 = if chosen { ERROR_RATIO } else { RAW_ERROR_RATIO };
     (1.0 + (variance - 1.0) / (stated * stated)).sqrt()
 }
 
@@ -154,7 +154,7 @@ pub(super) fn smoothed(size: Size, errors: impl Iterator<Item = f64>) -> Vec<f32
 /// Expected relative errors of the pixels of a picture with this mean absolute noise.
 pub(super) fn errors_of_resolved(picture: &[Rgb], noise: &[f32]) -> impl Iterator<Item = f64> {
     let light = picture.iter().map(|p| f64::from(p.element_sum()));
-    let noise = noise.iter().map(|&noise| SHARED * f64::from(noise));
+    let noise = noise.iter().map(|&noise| ERROR_RATIO * f64::from(noise));
     relative_errors(light, noise)
 }
 
@@ -162,7 +162,7 @@ pub(super) fn errors_of_resolved(picture: &[Rgb], noise: &[f32]) -> impl Iterato
 fn errors_of_film(film: &Film) -> impl Iterator<Item = f64> {
     let light = film.pixels.iter().map(|m| m.mean.element_sum());
     let deviation = |m: &Moments| m.variance_of_mean().map(f64::sqrt).element_sum();
-    let noise = (film.pixels.iter()).map(move |m| UNMET * ABSOLUTE * deviation(m));
+    let noise = (film.pixels.iter()).map(move |m| RAW_ERROR_RATIO * ABSOLUTE * deviation(m));
     relative_errors(light, noise)
 }
 

@@ -11,7 +11,7 @@
 //! A hit in only one batch restores nothing. A pixel takes f from the cells around on its surface: restored light adds
 //! no structure, and does not light surfaces beside or behind.
 
-use super::coarse::{CELL, Caps, Coarse, brought};
+use super::coarse::{CELL, Caps, Coarse, restoring_factor};
 use super::filter::Size;
 use super::guide::{Guide, Inner, Surface};
 use super::layer::{Batches, variance_of_mean};
@@ -25,7 +25,7 @@ use rayon::prelude::*;
 const SIGMA: f32 = 2.0;
 
 /// Largest factor.
-const MOST: f32 = 2.5;
+const MAX_FACTOR: f32 = 2.5;
 
 /// Rows of cells that are processed at once.
 const BAND: usize = 4;
@@ -113,7 +113,7 @@ fn factors_of_cells(
             let lacks = &lacks[..light.count];
             let mean = lacks.iter().sum::<Vec3A>() / light.count as f32;
             let more = mean.min(cut[0]).max(Vec3A::ZERO);
-            brought(have[0], more, variance_of_mean(lacks)).min(Vec3A::splat(MOST))
+            restoring_factor(have[0], more, variance_of_mean(lacks)).min(Vec3A::splat(MAX_FACTOR))
         })
         .collect()
 }

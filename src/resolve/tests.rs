@@ -2,7 +2,7 @@ use super::coarse::{Caps, Coarse, Missing};
 use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface};
 use super::layer::{
-    Batches, Candidate, common, is_rare, median, seen_again, share_of_alike, squared_difference,
+    Batches, Candidate, common, confirmed, is_rare, median, share_of_alike, squared_difference,
     variance_of_mean, without_largest,
 };
 use super::tiles::{BASE, STEP, rest};
@@ -362,7 +362,7 @@ fn a_pixel_beside_confirms_a_difference() {
             let mut squares = vec![Vec3A::splat(0.25); w * h];
             squares[v * w + u] = Vec3A::splat(0.5);
             squares[y * w + x] = Vec3A::ONE;
-            let found = seen_again(w, &squares, |_| Vec3A::ZERO)[y * w + x];
+            let found = confirmed(w, &squares, |_| Vec3A::ZERO)[y * w + x];
             let beside = (u, v) != (x, y) && u.abs_diff(x) < 2 && v.abs_diff(y) < 2;
             assert_eq!(found.x, if beside { 0.5 } else { 0.25 }, "{x} {y} {u} {v}");
         }

@@ -113,7 +113,7 @@ impl Shared<'_> {
         let window = self.film.window();
         let whole = Mutex::new(Chosen::blank((window.w as usize, window.h as usize)));
         window.tiles(edge).into_par_iter().for_each(|tile| {
-            let chosen = Part::new(self, &tile).choose();
+            let chosen = TileData::new(self, &tile).choose();
             let mut whole = whole.lock().expect("no thread panics");
             whole.paste(window.w as usize, chosen);
         });
@@ -203,7 +203,7 @@ fn surroundings(tile: &Window, reach: u32, window: &Window) -> Window {
 }
 
 /// A tile with its margins. Pixels near edges of the margins are invalid, except at the film's own edges.
-struct Part<'a> {
+struct TileData<'a> {
     whole: &'a Shared<'a>,
     /// The tile with its margins, in the film.
     outer: Window,
@@ -216,7 +216,7 @@ struct Part<'a> {
     origin: Size,
 }
 
-impl<'a> Part<'a> {
+impl<'a> TileData<'a> {
     fn new(whole: &'a Shared<'a>, tile: &Window) -> Self {
         let window = whole.film.window();
         let outer = surroundings(tile, whole.reach(), &window);

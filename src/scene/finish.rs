@@ -5,8 +5,8 @@ use super::material::{Coordinates, Look, Material, TextureRef};
 use super::{Scene, SceneParts, Surface, Texture};
 use crate::bsdf::fresnel::{conductor, dielectric_average};
 use crate::bsdf::{
-    Bsdf, Covers, Diffuse, Exact, Film, Glossy, Interface, Sheen, anisotropic, covered, iridescent,
-    translucent,
+    Bsdf, Covers, Diffuse, Film, FresnelGlossy, Glossy, Interface, Sheen, anisotropic, covered,
+    iridescent, translucent,
 };
 use crate::math::{Frame, Rgb, Vec2};
 
@@ -294,7 +294,7 @@ impl Finish {
             },
             None => return base,
         };
-        Bsdf::Exact(Exact {
+        Bsdf::FresnelGlossy(FresnelGlossy {
             tint: match interface {
                 Interface::Metal { .. } => lobe.f0,
                 Interface::Coat { .. } => tint,

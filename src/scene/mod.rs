@@ -448,7 +448,7 @@ impl Scene {
             Some(finish) if finish.covers() && finish.mix.is_none() => {
                 let last = 1.0 - 0.5 * f32::EPSILON;
                 match self.finished_bsdf(finish, &mut surface.clone(), last) {
-                    Bsdf::Clearcoated(covered) => covered.base().reflectance(),
+                    Bsdf::Covered(covered) => covered.base().reflectance(),
                     base => base.reflectance(),
                 }
             }

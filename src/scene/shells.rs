@@ -185,13 +185,10 @@ impl Scene {
 
     /// Warnings about meshes that do not enclose their medium, for files that define both sides of each boundary.
     pub(super) fn open_media(&self) -> Vec<String> {
-        let filled = |mesh: &Mesh| {
-            self.parts.materials[mesh.material as usize]
-                .medium
-                .is_some()
-        };
+        let material = |i: usize| &self.parts.materials[self.suspect(i).material as usize];
         (suspects(&self.parts).iter())
-            .filter(|(i, shell)| filled(self.suspect(*i)) && self.astray(*i, shell) > MAX_ASTRAY)
+            .filter(|(i, _)| material(*i).medium.is_some())
+            .filter(|(i, shell)| self.astray(*i, shell) > MAX_ASTRAY)
             .map(|(i, shell)| {
                 let what = shell.says(&name(*i, self.suspect(*i)));
                 format!("{what}: it does not enclose the medium that it bounds, which is not where it should be")

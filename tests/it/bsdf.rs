@@ -195,7 +195,7 @@ fn sample_is_direction_and_completion_with_the_value_of_eval() {
                         let alone = bsdf.direction(alpha, wo, u);
                         assert_eq!(bsdf.direction(alpha, wo, &shared), alone, "{name}");
                     }
-                    let again = drawn.and_then(|(wi, lobe)| bsdf.complete(alpha, wo, wi, lobe));
+                    let again = drawn.and_then(|(wi, lobe)| bsdf.sample_along(alpha, wo, wi, lobe));
                     assert_eq!(format!("{sample:?}"), format!("{again:?}"), "{name}");
                     let Some(s) = sample.filter(|s| !s.delta) else {
                         continue;

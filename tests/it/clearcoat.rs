@@ -132,7 +132,7 @@ fn clearcoat_textures_scale_weight_and_roughness() {
     assert!(matches!(bsdf(0.0499), Bsdf::Glossy(_)));
     let alpha = 0.8 * (128.0f32 / 255.0).powi(2);
     assert!((bsdf(0.0499).alpha() - alpha).abs() < 1e-6);
-    assert!(matches!(bsdf(0.0501), Bsdf::Clearcoated(_)));
+    assert!(matches!(bsdf(0.0501), Bsdf::Covered(_)));
     assert_eq!(bsdf(0.0501).alpha(), 0.3);
 }
 

@@ -7,7 +7,7 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
 use opsr::integrator::{Picture, Settings, Stop, View};
 use opsr::math::{Rgb, UVec2, Vec3};
-use opsr::pilot::witness::{Missing, missing_light};
+use opsr::pilot::witness::{MissingLight, missing_light};
 use opsr::scene::procedural::materials::{diffuse, glass};
 use opsr::scene::{Environment, PunctualLight, Scene, SceneParts};
 use opsr_lab::gallery::builtin;
@@ -29,7 +29,7 @@ fn settings(kind: IntegratorKind, seed: u64) -> Settings {
 }
 
 /// Estimate of the light missing from a picture of this number of samples.
-fn missing(scene: &Scene, settings: &Settings, side: u32, samples: u32) -> Option<Missing> {
+fn missing(scene: &Scene, settings: &Settings, side: u32, samples: u32) -> Option<MissingLight> {
     let view = view(scene, side);
     let mut picture = Picture::new(Film::new(view.sensor.frame));
     (settings.integrator()).pass(&view, 0..samples, &mut picture);

@@ -13,7 +13,7 @@ use opsr::image::denoise::Denoiser;
 use opsr::image::film::Film;
 use opsr::integrator::Picture;
 use opsr::integrator::drive::RenderProgress;
-use opsr::pilot::witness::Missing;
+use opsr::pilot::witness::MissingLight;
 use opsr::render::files::Outputs;
 use opsr::render::{Fault, Finished, Outcome, Output, Request};
 use opsr::resolve::{stated_error, unseen_share};
@@ -212,7 +212,7 @@ impl<'a> Listener<'a> {
         &self,
         picture: Cow<'p, Picture>,
         progress: &RenderProgress,
-        missing: Option<Missing>,
+        missing: Option<MissingLight>,
     ) -> anyhow::Result<Finished<'p>> {
         let Run { request, args, .. } = &self.run;
         let mut outcome = Outcome::of(request, picture, progress.samples, missing);

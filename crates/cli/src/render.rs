@@ -23,7 +23,7 @@ use opsr::render::files::{Outputs, can_write, check_distinct};
 use opsr::render::look::CameraChoice;
 use opsr::render::open::Opened;
 use opsr::render::value::TableChoice;
-use opsr::render::{Begun, Fault, Request, Spec, Subject};
+use opsr::render::{Fault, PreparedRender, Request, Spec, Subject};
 use opsr::scene::Scene;
 use opsr_formats::FORMATS;
 use std::path::{Path, PathBuf};
@@ -200,7 +200,7 @@ impl RenderJob<'_> {
             remark_choice(args.program.progress, choice);
         }
         begun.pilot = self.began.elapsed();
-        let Begun { start, spent, .. } = begun;
+        let PreparedRender { start, spent, .. } = begun;
         let levels = request.settings.amounts.films();
         if levels > 1 && start == 0 {
             let bytes = LevelFilm::bytes(request.window.len(), levels);

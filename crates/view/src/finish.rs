@@ -8,7 +8,7 @@ use super::options::{Other, Overlay};
 use opsr::image::Buffer;
 use opsr::image::film::Film;
 use opsr::integrator::{Picture, Settings, Stop};
-use opsr::pilot::witness::{Missing, missing_light};
+use opsr::pilot::witness::{MissingLight, missing_light};
 use opsr::render::{Fault, Names, Shown, Spec};
 use opsr_metric::flip;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -177,7 +177,7 @@ impl Against {
 struct Witness {
     run: u64,
     samples: u32,
-    found: Option<Missing>,
+    found: Option<MissingLight>,
 }
 
 impl Witness {
@@ -196,7 +196,7 @@ impl Witness {
     }
 
     /// Missing light of this render, if any is known.
-    fn of(&self, run: u64) -> Option<&Missing> {
+    fn of(&self, run: u64) -> Option<&MissingLight> {
         self.found.as_ref().filter(|_| self.run == run)
     }
 
@@ -235,7 +235,7 @@ fn finished(
     job: &Job,
     spec: &Spec,
     against: &Against,
-    missing: Option<&Missing>,
+    missing: Option<&MissingLight>,
 ) -> Result<Snapshot, Fault> {
     let denoiser = spec.denoiser()?;
     let shown = Shown::of(&job.picture, spec, denoiser.as_ref())?;
@@ -257,7 +257,7 @@ fn finished(
 }
 
 impl Maps {
-    fn of(shown: &Shown, film: &Film, missing: Option<&Missing>) -> Self {
+    fn of(shown: &Shown, film: &Film, missing: Option<&MissingLight>) -> Self {
         let error = shown.errors(film, missing);
         let Some(error) = error else {
             return Self::default();

@@ -165,7 +165,7 @@ impl Options {
         spec.check()?;
         spec.load_look()?;
         let look = match &spec.camera {
-            Some(CameraChoice::Held(look)) => Some(**look),
+            Some(CameraChoice::Numbers(look)) => Some(**look),
             _ => None,
         };
         spec.camera.take_if(|_| look.is_some());

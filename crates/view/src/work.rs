@@ -410,7 +410,7 @@ pub(super) fn prepared<'a>(
         aspect: Some(frame.x as f32 / frame.y as f32),
         ..look
     };
-    spec.camera = Some(CameraChoice::Held(Box::new(look)));
+    spec.camera = Some(CameraChoice::Numbers(Box::new(look)));
     let mut left_out = Vec::new();
     loop {
         match Request::new(&spec, subject, None) {

@@ -85,7 +85,7 @@ impl Photon {
         };
         let mut surface = scene.surface(&hit);
         let mut bsdf = scene.bsdf(&mut surface, self.choice);
-        bsdf.refract_by(eta);
+        bsdf.set_eta(eta);
         let frame = surface.frame_for(self.back);
         Vertex {
             n: self.n(),

@@ -61,7 +61,7 @@ impl Event {
         };
         let base = match bsdf {
             // The coat dims both lobes of its base alike.
-            Bsdf::Clearcoated(coated) => return Self::between(&coated.base(), alpha, directions),
+            Bsdf::Covered(coated) => return Self::between(&coated.base(), alpha, directions),
             Bsdf::Diffuse(_) | Bsdf::Sheen(_) => return BASE,
             _ => bsdf.base_albedo(),
         };

@@ -142,7 +142,7 @@ impl Vertex {
             let mut seen = *self;
             let footprint = || Some(sight.footprint());
             seen.bsdf = scene.bsdf_seen(&mut seen.surface, self.choice, footprint);
-            seen.bsdf.refract_by(self.bsdf.eta());
+            seen.bsdf.set_eta(self.bsdf.eta());
             seen
         })
     }

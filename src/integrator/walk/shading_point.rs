@@ -341,7 +341,7 @@ impl ShadingPoint<'_> {
         let wi = self.world(local).filter(|wi| !self.is_dark(*wi))?;
         let (emission, transmittance) = self.emission_towards(wi)?;
         // Few rays hit a light: only those need value and density.
-        let sample = self.bsdf.complete(alpha, self.wo, local, lobe)?;
+        let sample = self.bsdf.sample_along(alpha, self.wo, local, lobe)?;
         Some(FoundEmission {
             sample,
             radiance: self.throughput * emission.radiance * transmittance,

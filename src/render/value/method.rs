@@ -19,7 +19,7 @@ pub enum TableChoice {
     /// A file, or the name of a built-in table.
     File(PathBuf),
     /// A loaded table, and its file or name, if any.
-    Held(Arc<TableFile>, Option<PathBuf>),
+    Loaded(Arc<TableFile>, Option<PathBuf>),
     /// One factor in [0, 1] for all paths.
     Factor(f32),
 }
@@ -28,7 +28,7 @@ impl TableChoice {
     /// Loads a file or built-in table once; does nothing for one factor.
     pub fn load(&mut self) -> Result<(), FileError> {
         if let Self::File(path) = self {
-            *self = Self::Held(Arc::new(TableFile::load(path)?), Some(path.clone()));
+            *self = Self::Loaded(Arc::new(TableFile::load(path)?), Some(path.clone()));
         }
         Ok(())
     }
@@ -61,8 +61,8 @@ impl Field for TableChoice {
 
     fn text(&self) -> String {
         match self {
-            Self::File(path) | Self::Held(_, Some(path)) => path.display().to_string(),
-            Self::Held(_, None) => "held".into(),
+            Self::File(path) | Self::Loaded(_, Some(path)) => path.display().to_string(),
+            Self::Loaded(_, None) => "held".into(),
             Self::Factor(factor) => factor.text(),
         }
     }

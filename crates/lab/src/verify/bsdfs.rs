@@ -4,7 +4,7 @@ use opsr::bsdf::{
     Bsdf, Covers, Dielectric, Diffuse, Distribution, Film, Glossy, Sheen, ThinDielectric,
     anisotropic, clearcoated, covered, iridescent, translucent,
 };
-use opsr::bsdf::{Exact, Interface};
+use opsr::bsdf::{FresnelGlossy, Interface};
 use opsr::math::{Rgb, Vec2, Vec3};
 
 /// All distributions.
@@ -105,7 +105,7 @@ pub fn under_sheen(base: Bsdf, alpha: f32) -> Bsdf {
 
 /// Copper by its complex indices.
 pub fn exact_metal(alpha: f32, distribution: Distribution) -> Bsdf {
-    Bsdf::Exact(Exact {
+    Bsdf::FresnelGlossy(FresnelGlossy {
         interface: Interface::Metal {
             eta: Rgb::new(0.2, 0.92, 1.1),
             k: Rgb::new(3.91, 2.45, 2.14),
@@ -118,7 +118,7 @@ pub fn exact_metal(alpha: f32, distribution: Distribution) -> Bsdf {
 
 /// A coloured base under an interface of index 1.5.
 pub fn exact_plastic(alpha: f32, distribution: Distribution) -> Bsdf {
-    Bsdf::Exact(Exact {
+    Bsdf::FresnelGlossy(FresnelGlossy {
         interface: Interface::coat(1.5, Rgb::new(0.9, 0.5, 0.1)),
         tint: Rgb::ONE,
         alpha,

@@ -34,7 +34,7 @@ impl Casters {
             }
             match bsdf {
                 Bsdf::Dielectric(glass) if !is_matched(glass.eta) => Some(glass.eta),
-                Bsdf::Glossy(_) | Bsdf::Exact(_) => Some(0.0),
+                Bsdf::Glossy(_) | Bsdf::FresnelGlossy(_) => Some(0.0),
                 _ => None,
             }
         };

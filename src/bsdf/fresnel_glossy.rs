@@ -41,7 +41,7 @@ impl Interface {
 
 /// Microfacet reflection by Fresnel's equations, over a Lambertian base or none.
 #[derive(Clone, Copy, Debug)]
-pub struct Exact {
+pub struct FresnelGlossy {
     /// Boundary at the facets.
     pub interface: Interface,
     /// Factor of the reflected light in [0, 1].
@@ -52,7 +52,7 @@ pub struct Exact {
     pub distribution: Distribution,
 }
 
-impl Exact {
+impl FresnelGlossy {
     /// Reflectance of the base; black for a metal.
     #[inline]
     pub(crate) fn albedo(&self) -> Rgb {
@@ -125,7 +125,7 @@ impl Exact {
     /// Value and density of a direction that was drawn.
     #[cold]
     #[inline(never)]
-    pub(super) fn complete(
+    pub(super) fn sample_along(
         &self,
         alpha: f32,
         wo: Vec3,
