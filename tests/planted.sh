@@ -79,13 +79,13 @@ plant "8 Fresnel with a difference of squares" src/bsdf/fresnel.rs \
     's/\(eta - 1\.0\) \* \(eta \+ 1\.0\) \+ cos \* cos/eta * eta * (1.0 - (1.0 - cos * cos) \/ (eta * eta))/' \
     stability::case_8_fresnel_and_interfaces
 plant "9 sides by the shading normal" src/integrator/walk/shading_point.rs \
-    's/self\.surface\.leaves\(light\.wi, wi\.z\)/true/' \
+    's/self\.surface\.allows_direction\(light\.wi, wi\.z\)/true/' \
     stability::cases_9_and_10_light_leaks
 plant "9 normals bent to the mirror horizon of the view" src/scene/normals.rs \
     's/\(c \+ least\) \* ng/(c - least) * ng/' \
     appearance::ripples_seen_from_low_are_not_black
 plant "9 rough lobes that graze the surface" src/scene/geometry.rs \
-    's/LEAST_ROUGH\n/LEAST_SMOOTH\n/' \
+    's/MIN_COS_ROUGH\n/MIN_COS_SMOOTH\n/' \
     appearance::white_furnace_of_coarse_balls_shows_no_rim
 plant "10 rays that start on the surface" src/scene/geometry.rs \
     's/to_world\.error\(rounding \+ 1e-13 \* extent\)/0.0 * (rounding + 1e-13 * extent)/' \
@@ -123,7 +123,7 @@ plant "one order for all sets of a path" src/sampler/sobol.rs \
 plant "the same light paths for every sample" src/sampler/mod.rs \
     's/seed\.0 \^ block \^ u64::from\(sample\)/seed.0 ^ block/' lib::sampler::tests::light_paths_of_neighbours_cover_directions
 plant "light paths in the order of lines" src/sampler/mod.rs \
-    's/Sequence::new\(key, interleaved\(x, y\)\)/Sequence::new(key, path)/' lib::sampler::tests::light_paths_of_neighbours_cover_directions
+    's/SobolPoint::new\(key, interleaved\(x, y\)\)/SobolPoint::new(key, path)/' lib::sampler::tests::light_paths_of_neighbours_cover_directions
 plant "a guided direction weighed by its BSDF alone" src/integrator/guided/directions.rs \
     's/self\.share \* pdf_w \+ \(1\.0 - self\.share\) \* region\.tree\.pdf\(wi\)/pdf_w/' \
     guided::agreement_of_guided_paths_with_path
@@ -175,7 +175,7 @@ plant "variance over a pixel's own noisy mean" src/resolve/statement.rs \
     's/self\.variance <= .*length_squared\(\)/true/' statement::stated_error_of_rare_hits_is_the_true_one
 
 plant "21 sheets are bodies" src/scene/shells.rs \
-    's/const MAX_ASTRAY: f64 = 0.1/const MAX_ASTRAY: f64 = 1.0/' boundaries::pane_with_a_thickness_is_a_thin_wall
+    's/const MAX_ESCAPES: f64 = 0.1/const MAX_ESCAPES: f64 = 1.0/' boundaries::pane_with_a_thickness_is_a_thin_wall
 plant "21 turned triangles make overlaps" src/scene/bodies.rs \
     's/any\(\|material\| !turned\.contains\(material\)\)/next().is_some()/' \
     boundaries::turned_triangles_are_named_and_are_no_overlap
@@ -295,7 +295,7 @@ plant "photons: lists of light paths double" src/integrator/bidirectional/photon
     's/list\.reserve_exact\(end\.max\(length\) - list\.len\(\)\)/list.reserve(length)/' \
     lib::integrator::bidirectional::photons::tests::lists_grow_to_the_length_that_is_expected
 plant "normals: matt surfaces bend as mirrors do" src/scene/mod.rs \
-    's/surface\.least_reflected = normals::LEAST_MATT;//' appearance::relief_of_matt_surfaces_does_not_depend_on_the_view
+    's/surface\.min_mirror_cos = normals::MIN_COS_MATT;//' appearance::relief_of_matt_surfaces_does_not_depend_on_the_view
 plant "normals: facets hide light from themselves" src/scene/normals.rs \
     's/height \+= weight \* /height += 0.0 * weight * /' appearance::shadow_of_a_coarse_ball_begins_where_that_of_a_fine_one_does
 plant "lighting: a tint of emission is a picture" src/scene/lighting.rs \

@@ -390,7 +390,7 @@ impl Dielectric {
 impl ThinDielectric {
     /// Share of light that a smooth wall lets straight through at this cosine.
     #[inline]
-    pub(crate) fn straight(&self, cos: f32) -> Rgb {
+    pub(crate) fn straight_transmittance(&self, cos: f32) -> Rgb {
         let [_, rest] = self.parts(cos.abs().min(1.0));
         rest * self.tint
     }

@@ -204,7 +204,7 @@ impl Spec {
         })
     }
 
-    /// Opens the scene of a file: glTF, or one of the formats. `build` is [`Scene::new`], or [`Scene::outline`] for a
+    /// Opens the scene of a file: glTF, or one of the formats. `build` is [`Scene::new`], or [`Scene::without_trees`] for a
     /// description only.
     pub fn open(
         &self,
@@ -246,7 +246,7 @@ impl Spec {
                 match around {
                     Some(around) => {
                         warnings.extend(self.faint(&scene, &around));
-                        scene.surrounded(around)
+                        scene.with_environment(around)
                     }
                     None => scene,
                 }

@@ -320,7 +320,7 @@ impl LightSource {
             let (x, y) = (path % self.columns, path / self.columns);
             let block = u64::from(y >> 16) << 48 | u64::from(x >> 16) << 32;
             let key = mix(seed.0 ^ block ^ u64::from(sample));
-            sobol::Sequence::new(key, interleaved(x, y))
+            sobol::SobolPoint::new(key, interleaved(x, y))
         });
         PathStream {
             rest: self.independent.stream(UVec2::new(path, 0), sample),
@@ -347,7 +347,7 @@ fn interleaved(x: u32, y: u32) -> u32 {
 #[derive(Clone, Debug)]
 pub struct PathStream {
     rest: IndependentStream,
-    sequence: Option<sobol::Sequence>,
+    sequence: Option<sobol::SobolPoint>,
     /// Vertices drawn from the sequence.
     drawn: u32,
     /// True if points on the lens are independent numbers, as for light paths: each of their vertices draws one.
@@ -400,7 +400,7 @@ impl SampleSource for CameraSource {
         let sequence = (self.sequences > 0).then(|| {
             let (index, batch) = (sample / self.sequences, sample % self.sequences);
             let place = u64::from(batch) << 60 | u64::from(pixel.y) << 30 | u64::from(pixel.x);
-            sobol::Sequence::new(mix(place ^ self.seed.0), index)
+            sobol::SobolPoint::new(mix(place ^ self.seed.0), index)
         });
         PathStream {
             rest: self.independent.stream(pixel, sample),

@@ -17,7 +17,7 @@ pub(super) const VERTICES: u32 = 4;
 
 /// One point of a sequence, in all sets.
 #[derive(Clone, Debug)]
-pub(super) struct Sequence {
+pub(super) struct SobolPoint {
     /// Hash that identifies the sequence.
     key: u64,
     /// Index of the point.
@@ -32,7 +32,7 @@ type Digits = [u32; 4];
 /// Contribution of each byte of the index to a point; the lowest byte has its bits reversed.
 static BYTES: [[Digits; 256]; 4] = bytes();
 
-impl Sequence {
+impl SobolPoint {
     pub(super) fn new(key: u64, index: u32) -> Self {
         Self {
             key,
@@ -71,7 +71,7 @@ impl Sequence {
         let ([u, v, x, y], _) = self.point(0);
         let ([pick, side, ..], spare) = self.point(2 * VERTICES + 1);
         EmissionU {
-            pick: self.pick(pick, spare),
+            pick: self.light_choice(pick, spare),
             point: Vec2::new(unit(x), unit(y)),
             direction: Vec2::new(unit(u), unit(v)),
             side: unit(side),
@@ -80,7 +80,7 @@ impl Sequence {
 
     /// Number for the choice of a light: these 32 bits, and 21 bits of a hash.
     #[inline(always)]
-    fn pick(&self, bits: u32, spare: u64) -> f64 {
+    fn light_choice(&self, bits: u32, spare: u64) -> f64 {
         let spare = mix(spare ^ u64::from(self.index)) >> 43;
         (u64::from(bits) << 21 | spare) as f64 * (0.5 * f64::EPSILON)
     }
@@ -105,7 +105,7 @@ impl Sequence {
         VertexU {
             material: unit(material),
             light: LightU {
-                pick: self.pick(pick, spare),
+                pick: self.light_choice(pick, spare),
                 at: Vec2::new(unit(x), unit(y)),
             },
             lobe: [unit(lobe), unit(u), unit(v)],

@@ -3,7 +3,7 @@
 //! Overlapping bodies are nested dielectrics (Schmidt, Budge: *Simple Nested Dielectrics in Ray Traced Images*, Journal
 //! of Graphics Tools 7(2), 2002): the one of the highest rank counts, and boundaries of others inside it do not exist.
 
-use super::shells::Shell;
+use super::shells::EdgeStats;
 use super::{
     Hit, Material, Mesh, PunctualLight, Scene, SceneParts, SharedMesh, Surface, TriangleId,
 };
@@ -178,8 +178,8 @@ impl Scene {
         };
         for mesh in meshes {
             let m = material(mesh);
-            if dark.get(m) == Some(&true) && (lit(around(mesh)) || !Shell::of(mesh).all_outwards())
-            {
+            let defective = || !EdgeStats::of(mesh).all_outwards();
+            if dark.get(m) == Some(&true) && (lit(around(mesh)) || defective()) {
                 dark[m] = false;
             }
         }

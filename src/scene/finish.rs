@@ -1,7 +1,7 @@
 //! Finish of a material: clear coat, sheen, film, brushing and other properties that few materials have.
 
 use super::lamp::Lamp;
-use super::material::{Coordinates, Look, Material, TextureRef};
+use super::material::{Coordinates, Material, SampledValues, TextureRef};
 use super::{Scene, SceneParts, Surface, Texture};
 use crate::bsdf::fresnel::{conductor, dielectric_average};
 use crate::bsdf::{
@@ -122,7 +122,7 @@ impl ExactCover {
 
     /// Effective albedo of a base under the cover, for light that the cover transmits: a + a² r + … by interreflection
     /// with the layer, over the same sum of a white base. Unchanged for a metal.
-    pub fn seen(&self, albedo: Rgb) -> Rgb {
+    pub fn effective_albedo(&self, albedo: Rgb) -> Rgb {
         match *self {
             Self::Metal { .. } => albedo,
             Self::Coat {
@@ -289,7 +289,7 @@ impl Finish {
                 },
             ) => Interface::Coat {
                 eta: material.ior,
-                albedo: cover.seen(lobe.albedo),
+                albedo: cover.effective_albedo(lobe.albedo),
                 average,
             },
             None => return base,
@@ -306,17 +306,17 @@ impl Finish {
     }
 
     /// Applies the textures of the dielectric's reflectance.
-    fn reflect(&self, look: &mut Look, textures: &[Texture], uv: [Vec2; 2]) {
+    fn reflect(&self, values: &mut SampledValues, textures: &[Texture], uv: [Vec2; 2]) {
         if let Some(map) = &self.specular.weight {
-            look.specular *= map.sample(textures, uv)[3];
+            values.specular *= map.sample(textures, uv)[3];
         }
         if let Some(map) = &self.specular.color {
             let [r, g, b, _] = map.sample(textures, uv);
-            look.specular_color *= Rgb::new(r, g, b);
+            values.specular_color *= Rgb::new(r, g, b);
         }
         if let Some((map, factor)) = &self.specular.gloss {
             let roughness = 1.0 - factor * map.sample(textures, uv)[3];
-            look.alpha = roughness * roughness;
+            values.alpha = roughness * roughness;
         }
     }
 }
@@ -337,8 +337,8 @@ impl SheenCover {
 }
 
 impl Translucency {
-    /// The BSDF `base` of the values `look`, with diffuse transmission added.
-    fn over(&self, look: &Look, base: Bsdf, textures: &[Texture], uv: [Vec2; 2]) -> Bsdf {
+    /// The BSDF `base` of a material of this metalness, with diffuse transmission added.
+    fn over(&self, metallic: f32, base: Bsdf, textures: &[Texture], uv: [Vec2; 2]) -> Bsdf {
         let (mut weight, mut color) = (self.weight, self.color);
         if let Some(map) = &self.texture {
             weight *= map.sample(textures, uv)[3];
@@ -358,7 +358,7 @@ impl Translucency {
             }),
             other => return other,
         };
-        translucent(base, color * (weight * (1.0 - look.metallic)))
+        translucent(base, color * (weight * (1.0 - metallic)))
     }
 }
 
@@ -391,7 +391,7 @@ impl Clearcoat {
     }
 
     /// Sets the shading normal of the surface to the coat's.
-    fn turn(&self, scene: &Scene, base: &Material, surface: &mut Surface) {
+    fn set_coat_normal(&self, scene: &Scene, base: &Material, surface: &mut Surface) {
         if base.normal_texture.is_some() || self.normal_texture.is_some() {
             let map = (self.normal_texture.as_ref()).map(|map| (map, self.normal_scale));
             surface.ns = (scene.geometry()).mapped_normal(scene.parts(), surface, map);
@@ -431,14 +431,15 @@ impl Scene {
             let (second, color) = (self.geometry()).further_attributes(self.parts(), surface);
             (uv[1], painted) = (second, finish.has_colors.then(|| color.truncate()));
         }
-        let mut look = material.look(textures, uv);
-        look.color *= painted.unwrap_or(Rgb::ONE);
-        finish.reflect(&mut look, textures, uv);
+        let mut values = material.sampled(textures, uv);
+        values.color *= painted.unwrap_or(Rgb::ONE);
+        finish.reflect(&mut values, textures, uv);
         let film = finish.film.as_ref().map(|film| film.at(textures, uv));
         let at: &Surface = surface;
+        let opaque = |u| material.bsdf_of(&values, u);
         let plain = |u| match &finish.translucency {
-            None => material.bsdf_of(&look, u),
-            Some(through) => through.over(&look, material.bsdf_of(&look, u), textures, uv),
+            None => opaque(u),
+            Some(through) => through.over(values.metallic, opaque(u), textures, uv),
         };
         let base = |u| match (plain(u), &finish.anisotropy, film) {
             (base, _, Some(film)) if film.weight > 0.0 => iridescent(base, film),
@@ -471,7 +472,7 @@ impl Scene {
         };
         let bsdf = covered(&covers, u, base);
         if matches!(bsdf, Bsdf::Glossy(_)) {
-            coat.turn(self, material, surface);
+            coat.set_coat_normal(self, material, surface);
         }
         bsdf
     }

@@ -6,7 +6,7 @@ use super::material::TextureRef;
 use super::material::may_vanish;
 use super::mesh::{attribute, mix};
 use super::normals::{
-    LEAST_ROUGH, LEAST_SMOOTH, is_curved, lifted, normal_texel, perturbed, rise, tangent,
+    MIN_COS_ROUGH, MIN_COS_SMOOTH, is_curved, lifted, normal_texel, perturbed, rise, tangent,
 };
 use super::{Footprint, Hit, Mesh, SceneParts, Surface, TriangleId};
 use crate::bsdf::DELTA_ALPHA;
@@ -210,7 +210,7 @@ impl Geometry {
         let of = |&[m, face]: &Face| corners(&parts.meshes[m as usize], face);
         let accel = match tree {
             true => Accel::over(faces.len(), |i| of(&faces[i as usize]), &boxes),
-            false => Accel::outline(faces.iter().map(of), &boxes),
+            false => Accel::bounds_only(faces.iter().map(of), &boxes),
         };
         let mut triangles = accel::huge_list(faces.len());
         let triangle = |face: Face| Triangle::new(&parts.meshes[face[0] as usize], face, parts);
@@ -247,7 +247,7 @@ impl Geometry {
 
     /// Number of triangles, including those of every instance.
     pub fn len(&self) -> usize {
-        self.single() + self.instances.as_ref().map_or(0, Instances::shown)
+        self.single() + self.instances.as_ref().map_or(0, Instances::triangle_count)
     }
 
     /// True if there is no triangle.
@@ -397,7 +397,7 @@ impl Geometry {
         match self.traversal {
             // The surface at the closest hit is computed next: its triangle is prefetched during the traversal.
             Traversal::Plain => self.accel.closest_where(ray, |hit| {
-                accel::fetch(&self.triangles, hit.triangle.index());
+                accel::prefetch(&self.triangles, hit.triangle.index());
                 true
             }),
             Traversal::Cutouts => {
@@ -735,13 +735,13 @@ impl Triangle {
             uv,
             triangle: hit.triangle,
             material: self.material(),
-            least_reflected: if self.material & ROUGH != 0 {
-                LEAST_ROUGH
+            min_mirror_cos: if self.material & ROUGH != 0 {
+                MIN_COS_ROUGH
             } else {
-                LEAST_SMOOTH
+                MIN_COS_SMOOTH
             },
             error: to_world.error(rounding + 1e-13 * extent),
-            rise: height,
+            curved_height: height,
         }
     }
 

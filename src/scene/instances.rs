@@ -116,7 +116,7 @@ impl Instances {
     }
 
     /// Number of triangles of all instances together.
-    pub(super) fn shown(&self) -> usize {
+    pub(super) fn triangle_count(&self) -> usize {
         let of = |i: &Instance| self.meshes[i.mesh as usize].triangles.len();
         self.list.iter().map(of).sum()
     }
@@ -204,10 +204,10 @@ impl Instances {
         let shared = &self.meshes[instance.mesh as usize];
         let first = TriangleId::new(number + 1, shared.first);
         let local = instance.local(ray, first, *best);
-        (shared.accel).improve::<ANY>(&local, |hit| {
+        (shared.accel).closer_hit::<ANY>(&local, |hit| {
             if !ANY {
                 // The surface at the closest hit is computed next.
-                accel::fetch(&shared.triangles, hit.triangle.index() - shared.first);
+                accel::prefetch(&shared.triangles, hit.triangle.index() - shared.first);
             }
             keep(shared, hit)
         })

@@ -122,7 +122,7 @@ impl Coordinates for [Vec2; 2] {
 }
 
 /// Factors times textures of a material at a point.
-pub(super) struct Look {
+pub(super) struct SampledValues {
     pub(super) color: Rgb,
     pub(super) metallic: f32,
     pub(super) alpha: f32,
@@ -176,23 +176,23 @@ impl Material {
     /// with its weight is unbiased and keeps every BSDF small.
     #[inline]
     pub fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
-        self.bsdf_of(&self.look(textures, uv), u)
+        self.bsdf_of(&self.sampled(textures, uv), u)
     }
 
     /// Factors times textures.
     #[inline(always)]
-    pub(super) fn look(&self, textures: &[Texture], uv: impl Coordinates) -> Look {
-        self.look_over(textures, uv, None)
+    pub(super) fn sampled(&self, textures: &[Texture], uv: impl Coordinates) -> SampledValues {
+        self.sampled_over(textures, uv, None)
     }
 
-    /// [`Material::look`], with the mean colour over the footprint of these half axes in texture coordinates, if any.
+    /// [`Material::sampled`], with the mean colour over the footprint of these half axes in texture coordinates, if any.
     #[inline(always)]
-    pub(super) fn look_over(
+    pub(super) fn sampled_over(
         &self,
         textures: &[Texture],
         uv: impl Coordinates,
         axes: Option<[Vec2; 2]>,
-    ) -> Look {
+    ) -> SampledValues {
         let mut color = self.base_color;
         if let Some(map) = &self.base_color_texture {
             let [r, g, b, _] = match axes {
@@ -212,7 +212,7 @@ impl Material {
         if let Some(map) = &self.transmission_texture {
             transmission *= map.sample(textures, uv)[0];
         }
-        Look {
+        SampledValues {
             color,
             metallic,
             alpha,
@@ -224,15 +224,15 @@ impl Material {
 
     /// The BSDF for these values; see [`Material::bsdf`].
     #[inline(always)]
-    pub(super) fn bsdf_of(&self, look: &Look, u: f32) -> Bsdf {
-        let &Look {
+    pub(super) fn bsdf_of(&self, values: &SampledValues, u: f32) -> Bsdf {
+        let &SampledValues {
             color,
             metallic,
             alpha,
             transmission,
             specular,
             specular_color,
-        } = look;
+        } = values;
         let distribution = self.distribution;
         let r0 = (self.ior - 1.0) / (self.ior + 1.0);
         // F = specularFactor · Schlick(min(r0² · specularColorFactor, 1), 1) [KHR_materials_specular].
@@ -325,7 +325,7 @@ impl Material {
     }
 
     /// Factor of the emission at `uv`: the surface's presence, or 1 for an invisible lamp.
-    pub(crate) fn shining(&self, textures: &[Texture], uv: Vec2) -> f32 {
+    pub(crate) fn emission_presence(&self, textures: &[Texture], uv: Vec2) -> f32 {
         match self.alpha_mode {
             AlphaMode::Unseen => 1.0,
             _ => self.presence(textures, uv),

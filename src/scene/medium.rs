@@ -40,7 +40,7 @@ impl Medium {
 
 /// A medium in the form that paths use.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Filling {
+pub(crate) struct MediumValues {
     /// Extinction coefficient σa + σs.
     pub(crate) extinction: Rgb,
     /// Scattering coefficient σs.
@@ -49,7 +49,7 @@ pub(crate) struct Filling {
     phase: u32,
 }
 
-impl Filling {
+impl MediumValues {
     /// Transmittance over a distance, which may be infinite (Beer-Lambert).
     #[inline]
     pub(crate) fn transmittance(&self, distance: f32) -> Rgb {
@@ -67,9 +67,9 @@ impl Filling {
             uv: Vec2::ZERO,
             triangle: NO_TRIANGLE,
             material: self.phase,
-            least_reflected: 0.0,
+            min_mirror_cos: 0.0,
             error: 0.0,
-            rise: 0.0,
+            curved_height: 0.0,
         }
     }
 }
@@ -96,9 +96,9 @@ impl Surface {
 #[derive(Clone, Debug)]
 pub(crate) struct Media {
     /// Medium that fills the bodies of each material; `None` if they contain the medium around them.
-    bodies: Vec<Option<Filling>>,
+    bodies: Vec<Option<MediumValues>>,
     /// Medium outside of all bodies.
-    outside: Filling,
+    outside: MediumValues,
     scatters: bool,
     has_lobes: bool,
 }
@@ -124,7 +124,7 @@ impl Media {
                 own(m).or_else(|| (m.bounds_body() && !keeps).then(plain))
             })
             .collect();
-        let mut fill = |medium: Medium| Filling {
+        let mut fill = |medium: Medium| MediumValues {
             extinction: medium.absorption + medium.scattering,
             scattering: medium.scattering,
             phase: match medium.scatters() {
@@ -147,13 +147,13 @@ impl Media {
 
     /// Medium that fills the bodies of a material; `None` if they contain the medium around them.
     #[inline]
-    pub(crate) fn of_body(&self, material: u32) -> Option<&Filling> {
+    pub(crate) fn of_body(&self, material: u32) -> Option<&MediumValues> {
         self.bodies.get(material as usize)?.as_ref()
     }
 
     /// Medium outside of all bodies.
     #[inline]
-    pub(crate) fn outside(&self) -> &Filling {
+    pub(crate) fn outside(&self) -> &MediumValues {
         &self.outside
     }
 

@@ -41,7 +41,7 @@ pub use features::Features;
 pub use geometry::Geometry;
 pub use hit::{Hit, TriangleId};
 pub use light::{
-    Aim, Beam, Emission, EmissionDensity, EmissionSample, Environment, Falloff, LightDensity,
+    Aim, AimShares, Emission, EmissionDensity, EmissionSample, Environment, Falloff, LightDensity,
     LightSample, Lights, PunctualLight, Target,
 };
 pub use material::{AlphaMode, Material, TextureRef};
@@ -51,7 +51,7 @@ pub use parts::SceneParts;
 pub use sensor::{Footprint, Sensor, Sighting};
 pub use texture::{Texels, Texture, Wrap};
 
-/// A point of a surface. Except for `rise` it does not depend on the ray that hits it.
+/// A point of a surface. Except for `curved_height` it does not depend on the ray that hits it.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
     /// World position.
@@ -67,12 +67,12 @@ pub struct Surface {
     /// Index of the material.
     pub material: u32,
     /// Least cosine with `ng` of the mirror image of a direction about the normal of [`Surface::frame_for`].
-    pub least_reflected: f32,
+    pub min_mirror_cos: f32,
     /// Distance from `position` along ±`ng` at which a ray is clear of this surface's rounding error.
     pub error: f32,
     /// Height along `ng` of the curved opaque surface that a flat triangle approximates, if a camera walk has hit its
     /// front; 0 otherwise. See [`Scene::surface_along`].
-    pub rise: f32,
+    pub curved_height: f32,
 }
 
 /// The immutable scene.
@@ -109,25 +109,25 @@ impl Scene {
             }
             return scene;
         }
-        let suspects = shells::suspects(&scene.parts);
-        let verdict = scene.judge(&suspects);
-        if !verdict.thin.is_empty() {
+        let defective = shells::defective_meshes(&scene.parts);
+        let found = scene.classify_meshes(&defective);
+        if !found.thin.is_empty() {
             let mut parts = scene.parts;
-            parts.make_thin(&verdict.thin);
+            parts.make_thin(&found.thin);
             scene = Self::build(parts, true);
         }
-        scene.warnings.extend(verdict.warnings);
+        scene.warnings.extend(found.warnings);
         let priorities =
             (scene.parts.materials.iter()).any(|m| m.bounds_body() && m.priority != 0.0);
         scene.features.touching = scene.finds_touching();
         scene.features.overlaps =
-            passes || priorities || scene.features.touching || scene.find_overlaps(&verdict.turned);
+            passes || priorities || scene.features.touching || scene.find_overlaps(&found.turned);
         scene
     }
 
     /// The scene without a tree over unshared meshes, so that no ray hits these, and without a search for overlapping
     /// bodies: for descriptions, not for rendering.
-    pub fn outline(parts: SceneParts) -> Self {
+    pub fn without_trees(parts: SceneParts) -> Self {
         Self::build(parts, false)
     }
 
@@ -137,7 +137,7 @@ impl Scene {
     }
 
     /// The scene with its environment replaced and the same trees.
-    pub(crate) fn surrounded(mut self, environment: Environment) -> Self {
+    pub(crate) fn with_environment(mut self, environment: Environment) -> Self {
         self.parts.environment = Some(environment);
         self.warnings.retain(|warning| warning != light::BLACK);
         self.lights = Lights::new(&self.parts, &self.geometry, &mut self.warnings);
@@ -326,7 +326,7 @@ impl Scene {
 
     /// Transmittance of a pane straight along `dir`, which leads away from the camera; `None` for other surfaces, and
     /// where the drawn BSDF does not transmit.
-    pub(crate) fn straight(&self, surface: &Surface, dir: Vec3) -> Option<Rgb> {
+    pub(crate) fn pane_transmittance(&self, surface: &Surface, dir: Vec3) -> Option<Rgb> {
         if !self.is_pane(surface) {
             return None;
         }
@@ -338,13 +338,13 @@ impl Scene {
         let share = self
             .material(&surface)
             .transmitted(&self.parts.textures, surface.uv);
-        Some(share * wall.straight(cos))
+        Some(share * wall.straight_transmittance(cos))
     }
 
     /// Transmittance between the ray's origin and its `t_max`: 1, or that of at most `most` panes; `None` if anything
     /// else blocks the ray.
     #[inline]
-    pub(crate) fn unblocked(&self, ray: &Ray, most: u32) -> Option<Rgb> {
+    pub(crate) fn open_transmittance(&self, ray: &Ray, most: u32) -> Option<Rgb> {
         if !self.occluded(ray) {
             return Some(Rgb::ONE);
         }
@@ -364,7 +364,7 @@ impl Scene {
                 return Some(passed);
             };
             let surface = self.surface(&hit);
-            passed *= self.straight(&surface, ray.dir)?;
+            passed *= self.pane_transmittance(&surface, ray.dir)?;
             let t_max = rest.t_max - hit.t;
             rest = surface.spawn(ray.dir);
             rest.t_max = t_max;
@@ -376,17 +376,17 @@ impl Scene {
     #[inline]
     pub fn surface(&self, hit: &Hit) -> Surface {
         Surface {
-            rise: 0.0,
+            curved_height: 0.0,
             ..self.geometry.surface(&self.parts, hit)
         }
     }
 
-    /// The surface at a hit of a camera walk along `dir`, with its [rise](Surface::rise) if the hit is on its front.
+    /// The surface at a hit of a camera walk along `dir`, with its [`Surface::curved_height`] if on its front.
     #[inline]
     pub fn surface_along(&self, hit: &Hit, dir: Vec3) -> Surface {
         let mut surface = self.geometry.surface(&self.parts, hit);
-        if surface.rise > 0.0 && dir.dot(surface.ng) > 0.0 {
-            surface.rise = 0.0;
+        if surface.curved_height > 0.0 && dir.dot(surface.ng) > 0.0 {
+            surface.curved_height = 0.0;
         }
         surface
     }
@@ -464,13 +464,13 @@ impl Scene {
                 let axes = footprint
                     .filter(|_| self.is_filtered(surface.material))
                     .and_then(|footprint| self.geometry.uv_axes(&self.parts, surface, &footprint));
-                let look = material.look_over(&self.parts.textures, surface.uv, axes);
-                material.bsdf_of(&look, u)
+                let values = material.sampled_over(&self.parts.textures, surface.uv, axes);
+                material.bsdf_of(&values, u)
             }
             Some(finish) => self.finished_bsdf(finish, surface, u),
         };
         if let Bsdf::Diffuse(_) = bsdf {
-            surface.least_reflected = normals::LEAST_MATT;
+            surface.min_mirror_cos = normals::MIN_COS_MATT;
         }
         bsdf
     }
@@ -532,7 +532,7 @@ impl Scene {
 
 impl Surface {
     /// Shading frame for light that leaves or arrives along `w`. Its normal is `ns`, bent towards `ng` just so far that
-    /// the mirror image of `w` has a cosine of [`Surface::least_reflected`] with `ng` on the side of `w`.
+    /// the mirror image of `w` has a cosine of [`Surface::min_mirror_cos`] with `ng` on the side of `w`.
     ///
     /// The value of a BSDF uses the frame for the direction towards the camera; the density of a walk uses the frame
     /// for the direction from which it came. Where neither direction bends `ns`, the frames are equal bit for bit.
@@ -543,7 +543,7 @@ impl Surface {
 
     #[inline]
     fn bent_normal(&self, w: Vec3) -> Vec3 {
-        normals::bent(self.ns, self.ng, w, self.least_reflected)
+        normals::bent(self.ns, self.ng, w, self.min_mirror_cos)
     }
 
     /// [`Surface::frame_for`] `w` bit for bit. Reuses `known`, the frame for another direction, if it is equal.
@@ -560,14 +560,14 @@ impl Surface {
     /// True if a camera walk may go on towards `w`, whose cosine in the shading frame is `z`. Either both normals agree
     /// on the side, or `w` is below the triangle's plane but above the curved surface, from which such rays start.
     #[inline]
-    pub(crate) fn leaves(&self, w: Vec3, z: f32) -> bool {
+    pub(crate) fn allows_direction(&self, w: Vec3, z: f32) -> bool {
         w.dot(self.ng) * z > 0.0 || (z > 0.0 && self.is_below(w))
     }
 
     /// True for a direction below the plane of a triangle of a curved surface; the triangle gets no light from there.
     #[inline]
     pub(crate) fn is_below(&self, w: Vec3) -> bool {
-        self.rise > 0.0 && w.dot(self.ng) <= 0.0
+        self.curved_height > 0.0 && w.dot(self.ng) <= 0.0
     }
 
     /// A ray that leaves this surface towards `dir`, starting clear of it.
@@ -585,7 +585,7 @@ impl Surface {
     #[inline]
     pub fn spawn_leaving(&self, dir: Vec3) -> Ray {
         if self.is_below(dir) {
-            let height = self.rise.max(self.error);
+            let height = self.curved_height.max(self.error);
             return Ray::new(self.position + height * self.ng, dir);
         }
         self.spawn(dir)

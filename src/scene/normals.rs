@@ -84,14 +84,14 @@ pub(super) fn rise(weights: &[f32; 3], corners: &[Vec3; 3], normals: &[Vec3; 3],
 
 /// Least cosine with the geometric normal of the mirror image of a direction about a bent shading normal, for opaque
 /// rough surfaces. With less, a rough lobe about the mirror direction loses half of its light below the surface.
-pub(super) const LEAST_ROUGH: f32 = 0.08;
+pub(super) const MIN_COS_ROUGH: f32 = 0.08;
 
-/// [`LEAST_ROUGH`] for smooth surfaces, whose Fresnel reflectance decreases as the normal bends, and for transmissive
+/// [`MIN_COS_ROUGH`] for smooth surfaces, whose Fresnel reflectance decreases as the normal bends, and for transmissive
 /// ones, where more light would leave on the wrong side.
-pub(super) const LEAST_SMOOTH: f32 = 0.01;
+pub(super) const MIN_COS_SMOOTH: f32 = 0.01;
 
-/// [`LEAST_ROUGH`] for diffuse surfaces: the normal bends just so far that `w` is on its side.
-pub(super) const LEAST_MATT: f32 = -1.0;
+/// [`MIN_COS_ROUGH`] for diffuse surfaces: the normal bends just so far that `w` is on its side.
+pub(super) const MIN_COS_MATT: f32 = -1.0;
 
 /// Bends a shading normal on the side of `ng` towards `ng`, just so far that the mirror image of `w` has a cosine of
 /// `least` with `ng`, or 0.9 times that of `w` if this is less. The same for `w` and `-w`.

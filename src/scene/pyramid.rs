@@ -32,12 +32,12 @@ impl Level {
 
 /// The texels of the finer level, at most three, that a new texel covers along an axis, and their weights.
 #[derive(Clone, Copy)]
-struct Taps {
+struct FilterTaps {
     first: usize,
     weights: [f32; 3],
 }
 
-impl Taps {
+impl FilterTaps {
     /// Taps of all texels of a row of `n` made half as long.
     fn halved(n: u32) -> Vec<Self> {
         let m = n / 2;
@@ -101,7 +101,7 @@ fn halved_of<C: Code, const N: usize, const M: usize>(
     size: [u32; 2],
     srgb: bool,
 ) -> Arc<[C]> {
-    let [columns, rows] = size.map(Taps::halved);
+    let [columns, rows] = size.map(FilterTaps::halved);
     let (width, table) = (size[0] as usize, C::table(srgb));
     let even = size.iter().all(|n| n % 2 == 0);
     let mut out = Vec::with_capacity(columns.len() * rows.len() * M);
@@ -132,11 +132,11 @@ fn halved_of<C: Code, const N: usize, const M: usize>(
 }
 
 /// The mean of up to nine texels.
-fn weighed(row: &Taps, column: &Taps, texel: impl Fn(usize, usize) -> [f32; 4]) -> [f32; 4] {
+fn weighed(y: &FilterTaps, x: &FilterTaps, texel: impl Fn(usize, usize) -> [f32; 4]) -> [f32; 4] {
     let mut sum = [0.0f32; 4];
-    for j in (0..3).filter(|&j| row.weights[j] > 0.0) {
-        for i in (0..3).filter(|&i| column.weights[i] > 0.0) {
-            let (weight, texel) = (row.weights[j] * column.weights[i], texel(i, j));
+    for j in (0..3).filter(|&j| y.weights[j] > 0.0) {
+        for i in (0..3).filter(|&i| x.weights[i] > 0.0) {
+            let (weight, texel) = (y.weights[j] * x.weights[i], texel(i, j));
             (0..4).for_each(|c| sum[c] += weight * texel[c]);
         }
     }

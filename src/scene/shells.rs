@@ -11,18 +11,18 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 
-/// Number of walks from behind a suspect mesh.
+/// Number of walks from behind a defective mesh.
 const WALKS: u32 = 512;
 
 /// Number of surfaces after which a walk ends and does not count.
 const MAX_STEPS: u32 = 64;
 
 /// Largest share of walks that may miss the back of a body: some cracks or turned triangles do no great harm.
-const MAX_ASTRAY: f64 = 0.1;
+const MAX_ESCAPES: f64 = 0.1;
 
 /// Edges and volume of a mesh. Vertices at the same place count as one, since exporters split them at seams.
 #[derive(Debug, Default)]
-pub(super) struct Shell {
+pub(super) struct EdgeStats {
     /// Number of edges with an odd number of triangles.
     open: usize,
     /// Number of other edges that their triangles do not use equally often in both directions.
@@ -31,7 +31,7 @@ pub(super) struct Shell {
     volumes: Vec<f64>,
 }
 
-impl Shell {
+impl EdgeStats {
     /// Counts the edges of a mesh. Triangles with a missing vertex are skipped, as in the scene.
     pub(super) fn of(mesh: &Mesh) -> Self {
         // The sum turns −0 into +0, so that equal positions have equal bits.
@@ -63,16 +63,16 @@ impl Shell {
             }
         }
         edges.sort_unstable();
-        let mut shell = Self::default();
+        let mut stats = Self::default();
         for edge in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             if edge.len() % 2 == 1 {
-                shell.open += 1;
+                stats.open += 1;
             } else if edge.iter().map(|(.., turn)| turn).sum::<i32>() != 0 {
-                shell.turned += 1;
+                stats.turned += 1;
             }
         }
-        if shell.has_wrong_edges() {
-            return shell;
+        if stats.has_wrong_edges() {
+            return stats;
         }
         let origin = mesh.positions.first().copied().unwrap_or_default();
         let mut volumes: BTreeMap<u32, f64> = BTreeMap::new();
@@ -81,8 +81,8 @@ impl Shell {
             let part = parts.find(welded[face[0] as usize]);
             *volumes.entry(part).or_default() += DVec3::dot(a, b.cross(c));
         }
-        shell.volumes = volumes.into_values().collect();
-        shell
+        stats.volumes = volumes.into_values().collect();
+        stats
     }
 
     fn has_wrong_edges(&self) -> bool {
@@ -100,7 +100,7 @@ impl Shell {
     }
 
     /// Describes the fault of the mesh of this name.
-    fn says(&self, name: &str) -> String {
+    fn defects(&self, name: &str) -> String {
         match (self.turned, self.open) {
             (0, 0) => format!("normals of {name} point inwards"),
             (0, open) => format!("{name} is not closed ({open} open edges)"),
@@ -131,15 +131,15 @@ impl Parts {
 }
 
 /// Meshes that should bound a body but have defects, with their index among all meshes.
-pub(super) fn suspects(parts: &SceneParts) -> Vec<(usize, Shell)> {
+pub(super) fn defective_meshes(parts: &SceneParts) -> Vec<(usize, EdgeStats)> {
     let bounds = |mesh: &Mesh| {
         (parts.materials.get(mesh.material as usize)).is_some_and(Material::bounds_body)
     };
     let meshes: Vec<(usize, &Mesh)> = parts.all_meshes().enumerate().collect();
     (meshes.into_par_iter())
         .filter(|(_, mesh)| bounds(mesh) && !mesh.indices.is_empty())
-        .map(|(i, mesh)| (i, Shell::of(mesh)))
-        .filter(|(_, shell)| !shell.all_outwards())
+        .map(|(i, mesh)| (i, EdgeStats::of(mesh)))
+        .filter(|(_, stats)| !stats.all_outwards())
         .collect()
 }
 
@@ -151,9 +151,9 @@ fn name(number: usize, mesh: &Mesh) -> String {
     }
 }
 
-/// Result of the tests of suspect meshes.
+/// Result of the tests of defective meshes.
 #[derive(Default)]
-pub(super) struct Verdict {
+pub(super) struct Classification {
     /// Meshes that bound no body, by their index among all meshes.
     pub(super) thin: Vec<usize>,
     /// Materials of meshes that bound bodies except for some turned triangles.
@@ -162,49 +162,49 @@ pub(super) struct Verdict {
 }
 
 impl Scene {
-    /// Decides which suspect meshes bound a body.
-    pub(super) fn judge(&self, suspects: &[(usize, Shell)]) -> Verdict {
-        let mut verdict = Verdict::default();
-        for (i, shell) in suspects {
-            let mesh = self.suspect(*i);
-            let what = shell.says(&name(*i, mesh));
-            if self.astray(*i, shell) > MAX_ASTRAY {
-                verdict.thin.push(*i);
-                verdict.warnings.push(format!(
+    /// Decides which defective meshes bound a body.
+    pub(super) fn classify_meshes(&self, defective: &[(usize, EdgeStats)]) -> Classification {
+        let mut found = Classification::default();
+        for (i, stats) in defective {
+            let mesh = self.numbered_mesh(*i);
+            let what = stats.defects(&name(*i, mesh));
+            if self.escape_share(*i, stats) > MAX_ESCAPES {
+                found.thin.push(*i);
+                found.warnings.push(format!(
                     "{what}: it bounds no body, and is shown as thin walls in spite of its thickness"
                 ));
-            } else if shell.turned > 0 {
-                verdict.turned.push(mesh.material);
-                verdict.warnings.push(format!(
+            } else if stats.turned > 0 {
+                found.turned.push(mesh.material);
+                found.warnings.push(format!(
                     "{what}: where they point inwards light is refracted the wrong way"
                 ));
             }
         }
-        verdict
+        found
     }
 
     /// Warnings about meshes that do not enclose their medium, for files that define both sides of each boundary.
     pub(super) fn open_media(&self) -> Vec<String> {
-        let material = |i: usize| &self.parts.materials[self.suspect(i).material as usize];
-        (suspects(&self.parts).iter())
+        let material = |i: usize| &self.parts.materials[self.numbered_mesh(i).material as usize];
+        (defective_meshes(&self.parts).iter())
             .filter(|(i, _)| material(*i).medium.is_some())
-            .filter(|(i, shell)| self.astray(*i, shell) > MAX_ASTRAY)
-            .map(|(i, shell)| {
-                let what = shell.says(&name(*i, self.suspect(*i)));
+            .filter(|(i, stats)| self.escape_share(*i, stats) > MAX_ESCAPES)
+            .map(|(i, stats)| {
+                let what = stats.defects(&name(*i, self.numbered_mesh(*i)));
                 format!("{what}: it does not enclose the medium that it bounds, which is not where it should be")
             })
             .collect()
     }
 
-    fn suspect(&self, number: usize) -> &Mesh {
+    fn numbered_mesh(&self, number: usize) -> &Mesh {
         let mesh = self.parts.all_meshes().nth(number);
-        mesh.expect("a suspect is one of the meshes")
+        mesh.expect("a defective mesh is one of the meshes")
     }
 
     /// Share of walks from behind a mesh that miss its back; for a closed mesh, of starting points outside of its body.
-    fn astray(&self, number: usize, shell: &Shell) -> f64 {
+    fn escape_share(&self, number: usize, stats: &EdgeStats) -> f64 {
         let parts = &self.parts;
-        let mesh = self.suspect(number);
+        let mesh = self.numbered_mesh(number);
         let identity = [DAffine3::IDENTITY];
         let poses = match number.checked_sub(parts.meshes.len()) {
             Some(shared) => parts.shared[shared].poses.as_slice(),
@@ -218,15 +218,15 @@ impl Scene {
             .map(|i| {
                 let mut stream = source.stream(UVec2::new(i, 0), 0);
                 let start = start(mesh, poses, i, &mut stream)?;
-                match shell.has_wrong_edges() {
+                match stats.has_wrong_edges() {
                     true => self.comes_back(start, mesh.material, stream),
                     false => Some(self.bodies_around(&start).contains(&mesh.material)),
                 }
             })
             .collect();
         let known = ends.iter().flatten().count();
-        let astray = ends.iter().flatten().filter(|&&back| !back).count();
-        astray as f64 / known.max(1) as f64
+        let escaped = ends.iter().flatten().filter(|&&back| !back).count();
+        escaped as f64 / known.max(1) as f64
     }
 
     /// True if a walk from behind a body's surface reaches the back of one of its surfaces, false if it comes to a
@@ -306,10 +306,10 @@ mod tests {
         let mut holed = ball.clone();
         holed.indices.pop();
         let pane = shapes::quad(Vec3::ZERO, Vec3::X, Vec3::Y);
-        assert!(Shell::of(&ball).is_closed() && Shell::of(&apart).is_closed());
-        assert!(Shell::of(&shapes::cuboid(Vec3::ZERO, Vec3::ONE)).is_closed());
+        assert!(EdgeStats::of(&ball).is_closed() && EdgeStats::of(&apart).is_closed());
+        assert!(EdgeStats::of(&shapes::cuboid(Vec3::ZERO, Vec3::ONE)).is_closed());
         for open in [inside_out, holed, pane, Mesh::default()] {
-            assert!(!Shell::of(&open).is_closed());
+            assert!(!EdgeStats::of(&open).is_closed());
         }
     }
 
@@ -319,8 +319,8 @@ mod tests {
         let edges = |change: &dyn Fn(&mut Vec<[u32; 3]>)| {
             let mut mesh = ball.clone();
             change(&mut mesh.indices);
-            let shell = Shell::of(&mesh);
-            (shell.open, shell.turned)
+            let stats = EdgeStats::of(&mesh);
+            (stats.open, stats.turned)
         };
         assert_eq!(edges(&|_| ()), (0, 0));
         assert_eq!(edges(&|faces| faces.truncate(faces.len() - 1)), (3, 0));

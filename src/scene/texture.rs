@@ -323,7 +323,7 @@ impl Texture {
         /// Largest ratio of the axes; above it the level is coarser.
         const SLENDER: f32 = 16.0;
         /// Largest number of look-ups along the longer axis; further samples of the pixel fill the gaps.
-        const MOST: f32 = 4.0;
+        const MAX_LOOKUPS: f32 = 4.0;
         let size = Vec2::new(self.width as f32, self.height as f32);
         let lengths = axes.map(|axis| (axis * size).length());
         let (longer, long, short) = match lengths[0] > lengths[1] {
@@ -336,7 +336,7 @@ impl Texture {
         }
         let texels = short.max(long / SLENDER).max(1.0);
         let lod = texels.log2();
-        let number = (long / texels).ceil().clamp(1.0, MOST);
+        let number = (long / texels).ceil().clamp(1.0, MAX_LOOKUPS);
         let mut sum = [0.0; 4];
         for i in 0..number as u32 {
             let place = (2 * i + 1) as f32 / number - 1.0;

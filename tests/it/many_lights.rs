@@ -202,7 +202,7 @@ fn chi_square_of_the_light_tree() {
         let draws = 400_000;
         let mut counts = vec![0u32; n];
         for _ in 0..draws {
-            let (k, p, rest) = lights.choose(from, u.vertex().light.pick).unwrap();
+            let (k, p, rest) = lights.sample_light(from, u.vertex().light.pick).unwrap();
             assert!(
                 f64::from(p) == pmf[k] && (0.0..1.0).contains(&rest),
                 "{from}"
@@ -266,7 +266,7 @@ fn densities_of_light_samples_match_those_of_rays() {
     for from in points(&scene) {
         for _ in 0..20_000 {
             let numbers = u.vertex().light;
-            let (k, pmf, _) = lights.choose(from, numbers.pick).unwrap();
+            let (k, pmf, _) = lights.sample_light(from, numbers.pick).unwrap();
             let Some(light) = lights.sample(from, numbers) else {
                 continue;
             };
@@ -404,7 +404,7 @@ fn variances(
         let (mut mean, mut squares) = (0.0, [0.0; 3]);
         for _ in 0..n {
             let numbers = u.vertex().light;
-            let (k, pmf, _) = lights.choose(from, numbers.pick).unwrap();
+            let (k, pmf, _) = lights.sample_light(from, numbers.pick).unwrap();
             let Some(light) = lights.sample(from, numbers) else {
                 continue;
             };

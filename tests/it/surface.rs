@@ -316,13 +316,17 @@ fn only_facets_of_curved_opaque_surfaces_rise() {
             let surface = scene.surface_along(&hit, ray.dir);
             // Light subpaths and directions from behind use the facet alone.
             let others = [scene.surface(&hit), scene.surface_along(&hit, -ray.dir)];
-            assert!(others.iter().all(|s| s.rise == 0.0), "{name}");
+            assert!(others.iter().all(|s| s.curved_height == 0.0), "{name}");
             let p = surface.position;
-            assert!(rises || surface.rise == 0.0, "{name}: {}", surface.rise);
+            assert!(
+                rises || surface.curved_height == 0.0,
+                "{name}: {}",
+                surface.curved_height
+            );
             // A ray that the facet alone would block leaves the whole ball.
             let out = (surface.ns - 1.001 * surface.ns.dot(surface.ng) * surface.ng).normalize();
             if rises && surface.ns.dot(out) > 0.1 {
-                let height = (p + surface.rise * surface.ng).length();
+                let height = (p + surface.curved_height * surface.ng).length();
                 assert!(height > 0.98 && height < 1.06, "{name}: {height}");
                 assert!(!scene.occluded(&surface.spawn_leaving(out)), "{name}: {p}");
                 passed += 1;
@@ -362,7 +366,7 @@ fn shading_frame_is_the_same_however_often_the_surface_is_looked_up() {
         let mut surface = scene.surface(&scene.intersect(&ray).expect("a hit"));
         for _ in 0..3 {
             scene.bsdf(&mut surface, 0.5);
-            assert_eq!(surface.least_reflected, least);
+            assert_eq!(surface.min_mirror_cos, least);
         }
     }
 }
@@ -387,12 +391,12 @@ fn shading_frame_bends_only_where_a_mirror_direction_would_graze() {
         // Edge-on, rounding may change the last digit.
         assert!(frame.n.dot(side) > -1e-6, "{ns} {w}");
         let mirrored = 2.0 * ns.dot(side) * ns - side;
-        if mirrored.dot(ng) >= surface.least_reflected {
+        if mirrored.dot(ng) >= surface.min_mirror_cos {
             assert_eq!(bits(frame), bits(Frame::from_normal(ns)), "{ns} {w}");
             level += 1;
         } else {
             // For a grazing view the required cosine is smaller.
-            if mirrored.dot(ng) < 0.9 * surface.least_reflected.min(side.dot(ng)) - 1e-6 {
+            if mirrored.dot(ng) < 0.9 * surface.min_mirror_cos.min(side.dot(ng)) - 1e-6 {
                 assert_ne!(frame.n, ns, "{w} is mirrored below the surface");
             }
             bent += usize::from(frame.n != ns);

@@ -26,7 +26,7 @@ const TRIANGLES: usize = 1_000_000;
 pub(super) fn built(parts: SceneParts) -> Scene {
     let triangles: usize = parts.all_meshes().map(|mesh| mesh.indices.len()).sum();
     match triangles > TRIANGLES {
-        true => Scene::outline(parts),
+        true => Scene::without_trees(parts),
         false => Scene::new(parts),
     }
 }

@@ -19,7 +19,7 @@ use crate::integrator::View;
 use crate::math::{Ray, UVec2, Vec2, Vec3, luminance};
 use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
 use crate::scene::light::aim::MIN_UNIFORM;
-use crate::scene::{Aim, Beam, EmissionSample, Material, Scene, Target};
+use crate::scene::{Aim, AimShares, EmissionSample, Material, Scene, Target};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -88,7 +88,7 @@ impl Bidirectional {
         let groups = lights.groups(scene.geometry(), GROUPS);
         let count = groups.iter().max().map_or(0, |&last| usize::from(last) + 1);
         let each = 0.5 / targets.len() as f32;
-        let even = Beam::new(targets.iter().map(|&target| (target, each)).collect());
+        let even = AimShares::new(targets.iter().map(|&target| (target, each)).collect());
         let first = Aim::new(vec![Some(even); count], groups.clone());
         let found = self.try_aim(view, &first, &targets);
         let beams = (0..count)
@@ -253,7 +253,7 @@ fn pilot_path(scene: &Scene, start: &EmissionSample, targets: &[Target]) -> Pilo
 ///
 /// ∫ f²/p is convex in the shares. Its derivative by share i is −∫ f² pᵢ/p²; each iteration multiplies share i by the
 /// root of ∫ f² pᵢ/p², until these factors are equal.
-fn beam<'a>(targets: &[Target], found: impl Iterator<Item = &'a PilotPath>) -> Option<Beam> {
+fn beam<'a>(targets: &[Target], found: impl Iterator<Item = &'a PilotPath>) -> Option<AimShares> {
     let found: Vec<&PilotPath> = found.collect();
     let mut shares = vec![0.5 / targets.len() as f64; targets.len() + 1];
     shares[0] = 0.5;
@@ -295,7 +295,7 @@ fn beam<'a>(targets: &[Target], found: impl Iterator<Item = &'a PilotPath>) -> O
         .iter()
         .zip(&shares[1..])
         .filter(|(_, share)| **share > 0.0);
-    Some(Beam::new(
+    Some(AimShares::new(
         kept.map(|(&target, &share)| (target, share as f32))
             .collect(),
     ))

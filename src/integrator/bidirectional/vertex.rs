@@ -95,7 +95,7 @@ impl Vertex {
     #[inline]
     pub(super) fn towards_light(&self, out: Vec3) -> Option<BsdfEval> {
         let wi = self.frame.to_local(out);
-        let lit = self.surface.leaves(out, wi.z);
+        let lit = self.surface.allows_direction(out, wi.z);
         let eval = lit
             .then(|| self.bsdf.query(self.local, wi))??
             .at(self.alpha);

@@ -171,7 +171,7 @@ impl<'a> WeightedWalk<'a> {
         let sample = vertex.bsdf.sample(vertex.alpha, vertex.local, u)?;
         let out = vertex.frame.to_world(sample.wi);
         let leaves = match self.base.origin {
-            Origin::Camera => vertex.surface.leaves(out, sample.wi.z),
+            Origin::Camera => vertex.surface.allows_direction(out, sample.wi.z),
             Origin::Light => out.dot(vertex.surface.ng) * sample.wi.z > 0.0,
         };
         if !leaves {

@@ -62,7 +62,7 @@ impl Mixture<'_> {
         } else {
             let (dir, pdf) = region.tree.sample(Vec2::new(u[1], u[2]));
             let wi = point.frame.to_local(dir);
-            if !point.surface.leaves(dir, wi.z) {
+            if !point.surface.allows_direction(dir, wi.z) {
                 return None;
             }
             let query = point.bsdf.query(point.wo, wi)?;

@@ -5,7 +5,7 @@ use crate::integrator::View;
 use crate::math::{Ray, Rgb, Vec3};
 use crate::scene::bodies::MAX_SURFACES;
 use crate::scene::camera::Projection;
-use crate::scene::medium::{Filling, Media};
+use crate::scene::medium::{Media, MediumValues};
 use crate::scene::{Hit, Scene, Surface};
 
 /// Most bodies that are stored around a vertex.
@@ -189,7 +189,7 @@ impl EnclosingBodies {
     }
 
     /// Medium at this point; `None` if it may be that of a dropped body.
-    pub(super) fn filling<'m>(&self, scene: &Scene, media: &'m Media) -> Option<&'m Filling> {
+    pub(super) fn filling<'m>(&self, scene: &Scene, media: &'m Media) -> Option<&'m MediumValues> {
         let ranked = scene.features().overlaps && !scene.parts().own_boundaries;
         let remembered = self.materials[..self.len as usize].iter();
         let mut filled = remembered.filter_map(|&m| Some((m, media.of_body(m)?)));
@@ -348,7 +348,7 @@ impl EnclosingBodies {
             let surface = scene.surface(&hit);
             met = met
                 .filter(|_| n < panes as usize)
-                .and_then(|met| Some(met * scene.straight(&surface, ray.dir)?));
+                .and_then(|met| Some(met * scene.pane_transmittance(&surface, ray.dir)?));
             if !scene.hides_back(&hit, -ray.dir) {
                 seen = met;
             }
@@ -405,7 +405,7 @@ impl EnclosingBodies {
         if scene.features().overlaps {
             return self.unblocked_through(scene, ray, distance, panes);
         }
-        let passed = scene.unblocked(ray, panes)?;
+        let passed = scene.open_transmittance(ray, panes)?;
         Some(passed * self.transmittance(scene, distance))
     }
 
@@ -428,7 +428,7 @@ impl EnclosingBodies {
                 return Some(passed);
             };
             let surface = scene.surface(hit);
-            passed *= scene.straight(&surface, ray.dir)?;
+            passed *= scene.pane_transmittance(&surface, ray.dir)?;
             let t_max = rest.t_max - hit.t;
             distance -= hit.t;
             rest = surface.spawn(ray.dir);

@@ -20,7 +20,7 @@ use crate::math::Rgb;
 use crate::sampler::Sampler;
 use crate::scene::Hit;
 use crate::scene::bodies::MAX_SURFACES;
-use crate::scene::medium::{Filling, Media};
+use crate::scene::medium::{Media, MediumValues};
 
 /// Share of a channel's probability that does not depend on the throughput: emission at the end of an edge may have
 /// colours that are zero in the throughput.
@@ -37,7 +37,7 @@ fn chances(throughput: Rgb) -> Rgb {
 
 /// Distance to the next scattering in a medium, for a channel that `choice` selects; `share` is the probability of
 /// scattering before that distance.
-fn distance(filling: &Filling, chances: Rgb, [choice, share]: [f32; 2]) -> f32 {
+fn distance(filling: &MediumValues, chances: Rgb, [choice, share]: [f32; 2]) -> f32 {
     let channel = if choice < chances.x {
         0
     } else {

@@ -112,7 +112,7 @@ impl Interaction<'_> {
             let around = self.around(scene, around, ray.dir);
             around.unblocked(scene, ray, distance, panes)
         } else {
-            scene.unblocked(ray, panes)
+            scene.open_transmittance(ray, panes)
         }
     }
 

@@ -64,7 +64,7 @@ impl ShadingPoint<'_> {
     #[inline]
     pub(in crate::integrator) fn world(&self, wi: Vec3) -> Option<Vec3> {
         let world = self.frame.to_world(wi);
-        self.surface.leaves(world, wi.z).then_some(world)
+        self.surface.allows_direction(world, wi.z).then_some(world)
     }
 
     /// True where a ray along the world direction `wi` ends inside a body without light.
@@ -165,7 +165,7 @@ impl ShadingPoint<'_> {
     #[inline(always)]
     pub(in crate::integrator) fn direction_to(&self, light: &LightSample) -> Option<Vec3> {
         let wi = self.frame.to_local(light.wi);
-        let lit = self.surface.leaves(light.wi, wi.z);
+        let lit = self.surface.allows_direction(light.wi, wi.z);
         (lit && !self.is_dark(light.wi) && !self.passes(wi)).then_some(wi)
     }
 
@@ -192,7 +192,7 @@ impl ShadingPoint<'_> {
             let bodies = self.bodies_towards(light.wi);
             bodies.unblocked(self.scene, &ray, light.distance, self.panes)
         } else {
-            self.scene.unblocked(&ray, self.panes)
+            self.scene.open_transmittance(&ray, self.panes)
         }
     }
 
@@ -234,7 +234,7 @@ impl ShadingPoint<'_> {
             passed *= bodies.transmittance(self.scene, end - segment.start);
             let straight = (segment.hit.as_ref()).and_then(|hit| {
                 let surface = self.scene.surface(hit);
-                Some((surface, self.scene.straight(&surface, ray.dir)?))
+                Some((surface, self.scene.pane_transmittance(&surface, ray.dir)?))
             });
             let Some((surface, transmittance)) = straight else {
                 // With the density of light sampling from this vertex, not from the last pane.

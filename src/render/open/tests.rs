@@ -62,7 +62,7 @@ fn metal_that_reflects_nothing_is_named() {
     assert!(reflects_nothing(&Scene::new(ball(false, sun))));
     assert!(!reflects_nothing(&Scene::new(ball(true, sun))));
     assert!(!reflects_nothing(&Scene::new(ball(false, nothing))));
-    assert!(!reflects_nothing(&Scene::outline(ball(false, sun))));
+    assert!(!reflects_nothing(&Scene::without_trees(ball(false, sun))));
 }
 
 #[test]

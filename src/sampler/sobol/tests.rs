@@ -2,7 +2,7 @@ use super::*;
 
 /// Points of a set, digits as fractions of 2³².
 fn points(key: u64, set: u32, n: u32) -> Vec<Digits> {
-    let point = |i| Sequence::new(key, i).point(set).0;
+    let point = |i| SobolPoint::new(key, i).point(set).0;
     (0..n).map(point).collect()
 }
 
@@ -49,7 +49,7 @@ fn deviation(counts: &[u32]) -> f64 {
 fn chi_square_of_one_sample_over_sequences() {
     for index in [0, 1, 5, 200, 77_000] {
         let numbers = |key: u64| -> Vec<u32> {
-            let sequence = Sequence::new(mix(key), index);
+            let sequence = SobolPoint::new(mix(key), index);
             let sets = (0..3).map(|set| sequence.point(set).0);
             sets.flat_map(|p| p.map(|x| x >> 28)).collect()
         };
@@ -95,7 +95,7 @@ fn chi_square_of_pairs_across_sets_over_samples() {
 /// Pictures of a seed must never change.
 #[test]
 fn determinism_of_points() {
-    let bits = Sequence::new(7, 5).point(3).0;
+    let bits = SobolPoint::new(7, 5).point(3).0;
     let expected = [0x6518_90ae, 0xa097_2a4d, 0x3f36_8f7e, 0x1402_4938];
     assert_eq!(bits, expected, "{bits:#010x?}");
 }

@@ -10,9 +10,9 @@
 //!   the tree's depth (`Wide::stack`).
 #![allow(unsafe_code)]
 
-use super::Enter;
+use super::InstanceHits;
 use super::portable::{SLACK, closer, reciprocal};
-use super::triangle::{Probe, Shear};
+use super::triangle::{Shear, TreeRay};
 use super::wide::{Block, LANES, LEAF, Node, WIDTH, Wide, leaf_blocks};
 use crate::math::Ray;
 use crate::scene::Hit;
@@ -35,12 +35,12 @@ impl Avx2 {
 
     /// See [`super::portable::walk`].
     #[inline]
-    pub(super) fn walk<const ANY: bool>(
+    pub(super) fn find_hit<const ANY: bool>(
         self,
         tree: &Wide,
-        probe: &impl Probe,
+        probe: &impl TreeRay,
         keep: impl Fn(&Hit) -> bool,
-        enter: impl Enter,
+        enter: impl InstanceHits,
     ) -> Option<Hit> {
         if tree.nodes.is_empty() {
             return None;
@@ -48,11 +48,11 @@ impl Avx2 {
         if tree.stack <= STACK {
             let mut stack = [MaybeUninit::uninit(); STACK];
             // SAFETY: `self` proves the features; the stack is long enough.
-            unsafe { walk::<ANY, _>(tree, probe, &mut stack, keep, enter) }
+            unsafe { find_hit::<ANY, _>(tree, probe, &mut stack, keep, enter) }
         } else {
             let mut stack = vec![MaybeUninit::uninit(); tree.stack];
             // SAFETY: as above.
-            unsafe { walk::<ANY, _>(tree, probe, &mut stack, keep, enter) }
+            unsafe { find_hit::<ANY, _>(tree, probe, &mut stack, keep, enter) }
         }
     }
 }
@@ -77,7 +77,7 @@ pub(super) fn huge_list<T>(capacity: usize) -> Vec<T> {
 
 /// Prefetches an item that will soon be read.
 #[inline(always)]
-pub(super) fn fetch<T>(item: &T) {
+pub(super) fn prefetch_item<T>(item: &T) {
     let start = std::ptr::from_ref(item).cast::<i8>();
     for line in (0..size_of::<T>()).step_by(64) {
         // SAFETY: every x86_64 processor has SSE, and a prefetch reads nothing.
@@ -167,7 +167,7 @@ struct Found {
 
 impl Found {
     #[inline(always)]
-    fn hit(&self, block: &Block, probe: &impl Probe, lane: usize) -> Hit {
+    fn hit(&self, block: &Block, probe: &impl TreeRay, lane: usize) -> Hit {
         Hit {
             t: self.t[lane],
             triangle: probe.triangle(block.ids[lane]),
@@ -202,7 +202,7 @@ impl Quad {
     /// Mask of the triangles hit with 0 < t <= `t_max`; fills `found` if there are any.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    fn test(&self, block: &Block, probe: &impl Probe, t_max: f32, found: &mut Found) -> u32 {
+    fn test(&self, block: &Block, probe: &impl TreeRay, t_max: f32, found: &mut Found) -> u32 {
         let map = |k: usize| {
             let at = |i: usize| _mm_sub_ps(load(block, k, self.axes[i]), self.origin[i]);
             let z = at(2);
@@ -242,7 +242,7 @@ impl Quad {
 /// Distances to the planes of four triangles, in double precision; not fused, as in plain Rust.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-fn distances(block: &Block, probe: &impl Probe) -> __m128 {
+fn distances(block: &Block, probe: &impl TreeRay) -> __m128 {
     let point = |k: usize| [0, 1, 2].map(|axis| _mm256_cvtps_pd(load(block, k, axis)));
     let minus = |p: [__m256d; 3], q: [__m256d; 3]| [0, 1, 2].map(|i| _mm256_sub_pd(p[i], q[i]));
     let splat = |p: crate::math::DVec3| p.to_array().map(|x| _mm256_set1_pd(x));
@@ -338,9 +338,9 @@ struct Row([f32; WIDTH]);
 /// # Safety
 /// The processor must have AVX2 and FMA, and `stack` must hold `tree.stack` entries.
 #[target_feature(enable = "avx2,fma")]
-unsafe fn walk<const ANY: bool, E: Enter>(
+unsafe fn find_hit<const ANY: bool, E: InstanceHits>(
     tree: &Wide,
-    probe: &impl Probe,
+    probe: &impl TreeRay,
     stack: &mut [MaybeUninit<u64>],
     keep: impl Fn(&Hit) -> bool,
     enter: E,

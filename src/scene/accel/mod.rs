@@ -16,7 +16,7 @@ mod triangle;
 mod wide;
 
 pub(crate) use triangle::LocalRay;
-use triangle::Probe;
+use triangle::TreeRay;
 use wide::Wide;
 
 /// An empty list of this capacity, in huge pages where the system has them.
@@ -29,17 +29,17 @@ pub(crate) fn huge_list<T>(capacity: usize) -> Vec<T> {
 
 /// Prefetches an item of a list that will soon be read.
 #[inline(always)]
-pub(crate) fn fetch<T>(list: &[T], index: u32) {
+pub(crate) fn prefetch<T>(list: &[T], index: u32) {
     #[cfg(target_arch = "x86_64")]
     if let Some(item) = list.get(index as usize) {
-        avx2::fetch(item);
+        avx2::prefetch_item(item);
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = (list, index);
 }
 
 /// The instances in a tree, for a traversal.
-pub(crate) trait Enter {
+pub(crate) trait InstanceHits {
     /// True if there are any.
     const SOME: bool;
 
@@ -48,7 +48,7 @@ pub(crate) trait Enter {
 }
 
 /// No instances.
-impl Enter for () {
+impl InstanceHits for () {
     const SOME: bool = false;
 
     #[inline(always)]
@@ -57,7 +57,7 @@ impl Enter for () {
     }
 }
 
-impl<F: Fn(u32, &Hit) -> Option<Hit>> Enter for F {
+impl<F: Fn(u32, &Hit) -> Option<Hit>> InstanceHits for F {
     const SOME: bool = true;
 
     #[inline(always)]
@@ -106,12 +106,12 @@ impl Accel {
     }
 
     /// Only the bounds of triangles and instances: rays hit nothing.
-    pub(crate) fn outline(
+    pub(crate) fn bounds_only(
         triangles: impl Iterator<Item = [Vec3; 3]>,
         instances: &[(Vec3, Vec3)],
     ) -> Self {
         Self {
-            tree: Wide::outline(triangles, instances),
+            tree: Wide::bounds_only(triangles, instances),
             #[cfg(target_arch = "x86_64")]
             simd: None,
         }
@@ -137,13 +137,13 @@ impl Accel {
     /// The closest of the hits that `keep` accepts.
     #[inline]
     pub(crate) fn closest_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
-        self.walk::<false>(ray, keep, ())
+        self.find_hit::<false>(ray, keep, ())
     }
 
     /// True if there is a hit that `keep` accepts.
     #[inline]
     pub(crate) fn any_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> bool {
-        self.walk::<true>(ray, keep, ()).is_some()
+        self.find_hit::<true>(ray, keep, ()).is_some()
     }
 
     /// The closest hit that `keep` accepts, or that an instance finds by `enter`; with `ANY` the first to be found.
@@ -152,34 +152,34 @@ impl Accel {
         &self,
         ray: &Ray,
         keep: impl Fn(&Hit) -> bool,
-        enter: impl Enter,
+        enter: impl InstanceHits,
     ) -> Option<Hit> {
-        self.walk::<ANY>(ray, keep, enter)
+        self.find_hit::<ANY>(ray, keep, enter)
     }
 
     /// A hit of a ray in the tree's own space that `keep` accepts and that is closer than the ray's best one: the
     /// closest, or with `ANY` the first found.
     #[inline]
-    pub(crate) fn improve<const ANY: bool>(
+    pub(crate) fn closer_hit<const ANY: bool>(
         &self,
         ray: &LocalRay,
         keep: impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
-        self.walk::<ANY>(ray, keep, ())
+        self.find_hit::<ANY>(ray, keep, ())
     }
 
     #[inline]
-    fn walk<const ANY: bool>(
+    fn find_hit<const ANY: bool>(
         &self,
-        probe: &impl Probe,
+        probe: &impl TreeRay,
         keep: impl Fn(&Hit) -> bool,
-        enter: impl Enter,
+        enter: impl InstanceHits,
     ) -> Option<Hit> {
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = self.simd {
-            return simd.walk::<ANY>(&self.tree, probe, keep, enter);
+            return simd.find_hit::<ANY>(&self.tree, probe, keep, enter);
         }
-        portable::walk::<ANY, _>(&self.tree, probe, keep, enter)
+        portable::find_hit::<ANY, _>(&self.tree, probe, keep, enter)
     }
 
     /// The greatest p · `dir` over the points p of all triangles, or a slightly larger bound; at least one must exist.

@@ -1,7 +1,7 @@
 //! The traversal in portable Rust: for processors without AVX2, and the reference for the AVX2 one.
 
-use super::Enter;
-use super::triangle::{Probe, Shear, intersect};
+use super::InstanceHits;
+use super::triangle::{Shear, TreeRay, intersect};
 use super::wide::{Block, LANES, LEAF, Node, WIDTH, Wide, leaf_blocks};
 use crate::math::{Ray, Vec3};
 use crate::scene::Hit;
@@ -26,9 +26,9 @@ pub(super) fn reciprocal(dir: Vec3) -> Vec3 {
 /// Traverses the tree; with `ANY` stops at the first hit. Among equally distant hits the lowest index wins, so that the
 /// result does not depend on the tree. Hits that `keep` rejects do not count. `enter` finds the hit in an instance that
 /// is closer than the best one.
-pub(super) fn walk<const ANY: bool, E: Enter>(
+pub(super) fn find_hit<const ANY: bool, E: InstanceHits>(
     tree: &Wide,
-    probe: &impl Probe,
+    probe: &impl TreeRay,
     keep: impl Fn(&Hit) -> bool,
     enter: E,
 ) -> Option<Hit> {

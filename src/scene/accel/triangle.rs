@@ -17,7 +17,7 @@ use crate::math::{DVec3, Ray, Vec3};
 use crate::scene::{Hit, TriangleId};
 
 /// A ray in the form that triangle tests need.
-pub(super) trait Probe {
+pub(super) trait TreeRay {
     /// The ray in single precision, for boxes and for the test in the plane.
     fn ray(&self) -> &Ray;
     /// Origin and direction, for distances.
@@ -28,7 +28,7 @@ pub(super) trait Probe {
     fn triangle(&self, id: u32) -> TriangleId;
 }
 
-impl Probe for Ray {
+impl TreeRay for Ray {
     #[inline(always)]
     fn ray(&self) -> &Ray {
         self
@@ -70,7 +70,7 @@ pub(crate) struct LocalRay {
     pub(crate) best: Hit,
 }
 
-impl Probe for LocalRay {
+impl TreeRay for LocalRay {
     #[inline(always)]
     fn ray(&self) -> &Ray {
         &self.ray
@@ -124,7 +124,7 @@ impl Shear {
 /// Distance and the weights of the second and third corner. `corner(k, axis)` reads a coordinate.
 #[inline]
 pub(super) fn intersect(
-    probe: &impl Probe,
+    probe: &impl TreeRay,
     shear: &Shear,
     corner: impl Fn(usize, usize) -> f32,
 ) -> Option<(f32, f32, f32)> {

@@ -118,7 +118,7 @@ const INSTANCE_COST: f32 = 4.0;
 const MANY: usize = 1 << 17;
 
 /// Bounds of nothing.
-const NOWHERE: (Vec3, Vec3) = (Vec3::ZERO, Vec3::ZERO);
+const EMPTY_BOUNDS: (Vec3, Vec3) = (Vec3::ZERO, Vec3::ZERO);
 
 /// True if all coordinates are finite and small enough.
 pub(super) fn usable(triangle: &[Vec3; 3]) -> bool {
@@ -127,7 +127,7 @@ pub(super) fn usable(triangle: &[Vec3; 3]) -> bool {
 }
 
 /// Most blocks in a leaf.
-const MOST: usize = 1 << COUNT_BITS;
+const MAX_BLOCKS: usize = 1 << COUNT_BITS;
 
 /// Cost of a block of triangles over the cost of testing the eight boxes of a node.
 const BLOCK_COST: f32 = 0.3;
@@ -201,7 +201,7 @@ impl Wide {
     }
 
     /// An empty tree with the bounds of these triangles and instances.
-    pub(super) fn outline(
+    pub(super) fn bounds_only(
         triangles: impl Iterator<Item = [Vec3; 3]>,
         instances: &[(Vec3, Vec3)],
     ) -> Self {
@@ -213,7 +213,7 @@ impl Wide {
             bounds: if low.x <= high.x {
                 (low, high)
             } else {
-                NOWHERE
+                EMPTY_BOUNDS
             },
             ..Self::empty()
         }
@@ -225,10 +225,10 @@ impl Wide {
     /// first, ends after a few nodes. The tree must have no instances.
     pub(super) fn reach(&self, dir: DVec3) -> f64 {
         /// Largest number of nodes and leaves visited.
-        const MOST: usize = 24;
+        const MAX_VISITS: usize = 24;
         let mut todo = vec![(f64::INFINITY, 0)];
         let mut reach = f64::NEG_INFINITY;
-        for _ in 0..MOST {
+        for _ in 0..MAX_VISITS {
             let farthest = (0..todo.len()).max_by(|&a, &b| todo[a].0.total_cmp(&todo[b].0));
             let Some((bound, child)) = farthest.map(|k| todo.swap_remove(k)) else {
                 return reach;
@@ -259,7 +259,7 @@ impl Wide {
             nodes: Vec::new(),
             blocks: Vec::new(),
             stack: 0,
-            bounds: NOWHERE,
+            bounds: EMPTY_BOUNDS,
         }
     }
 
@@ -399,7 +399,7 @@ impl<'a> Fold<'a> {
         let count = l.count.saturating_add(r.count);
         let blocks = usize::from(count).div_ceil(LANES);
         let inner = cost[WIDTH - 1] + area;
-        let leaf_cost = if blocks <= MOST {
+        let leaf_cost = if blocks <= MAX_BLOCKS {
             area * BLOCK_COST * blocks as f32
         } else {
             f32::INFINITY

@@ -1,6 +1,6 @@
 //! Targets at which emission samples are aimed: spheres around casters of caustics and around what the camera sees.
 //!
-//! Light paths that start uniformly rarely hit a glass in a large scene. A [`Beam`] sends a share of them through
+//! Light paths that start uniformly rarely hit a glass in a large scene. A [`AimShares`] sends a share of them through
 //! spheres: p = u · p_uniform + Σ qₜ [the ray meets sphere t] / Aₜ, with Aₜ the sphere's cross section for light from
 //! infinity, or the solid angle of its cone for a lamp. The density of every ray is known in closed form, so that all
 //! MIS weights stay exact.
@@ -25,7 +25,7 @@ pub struct Target {
 
 /// Distribution of the aimed emission samples of a light.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Beam {
+pub struct AimShares {
     /// Share of uniform emission.
     uniform: f32,
     /// Targets, with the share of each.
@@ -35,14 +35,14 @@ pub struct Beam {
 /// The beams of all lights; the default aims none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Aim {
-    beams: Vec<Option<Beam>>,
+    beams: Vec<Option<AimShares>>,
     /// Beam of each light, by its index as in [`Lights::pmf`](super::Lights::pmf); empty if no light is aimed.
     of_light: Vec<u8>,
 }
 
 impl Aim {
     /// Beams, fewer than 256, and the index of each light's beam. A light whose beam is `None` emits uniformly.
-    pub fn new(beams: Vec<Option<Beam>>, of_light: Vec<u8>) -> Self {
+    pub fn new(beams: Vec<Option<AimShares>>, of_light: Vec<u8>) -> Self {
         if beams.iter().all(Option::is_none) {
             return Self::default();
         }
@@ -56,7 +56,7 @@ impl Aim {
 
     /// The beam of a light, if it is aimed.
     #[inline]
-    pub(crate) fn beam(&self, light: usize) -> Option<&Beam> {
+    pub(crate) fn beam(&self, light: usize) -> Option<&AimShares> {
         let beam = *self.of_light.get(light)?;
         self.beams[usize::from(beam)].as_ref()
     }
@@ -74,7 +74,7 @@ impl Target {
     /// True if the infinite line of a ray passes through the sphere. A tolerance for rounding errors ensures that no
     /// ray drawn through the sphere fails.
     #[inline]
-    fn is_met(&self, ray: &Ray) -> bool {
+    fn is_hit(&self, ray: &Ray) -> bool {
         let to = self.centre - ray.origin;
         let reach = self.radius + SLACK * to.length();
         (to - to.dot(ray.dir) * ray.dir).length_squared() <= reach * reach
@@ -100,7 +100,7 @@ impl Target {
     /// Density per area across a ray of light from infinity that is sent through the sphere.
     #[inline]
     pub(super) fn pdf_across(&self, ray: &Ray) -> f32 {
-        if self.is_met(ray) {
+        if self.is_hit(ray) {
             1.0 / (PI * self.radius * self.radius)
         } else {
             0.0
@@ -112,12 +112,12 @@ impl Target {
     pub(super) fn pdf_towards(&self, from: &Source, dir: Vec3) -> Option<f32> {
         let width = self.width(from)?;
         let ahead = (self.centre - from.position).dot(dir) > 0.0;
-        let met = ahead && self.is_met(&Ray::new(from.position, dir));
+        let met = ahead && self.is_hit(&Ray::new(from.position, dir));
         Some(if met { 1.0 / (TAU * width) } else { 0.0 })
     }
 }
 
-impl Beam {
+impl AimShares {
     /// A beam with these shares at its targets, all together at most 1 − `MIN_UNIFORM`.
     pub fn new(targets: Vec<(Target, f32)>) -> Self {
         let aimed: f32 = targets.iter().map(|(_, share)| share).sum();

@@ -1,6 +1,6 @@
 //! Area lights: the emissive triangles of a scene.
 
-use super::aim::{Beam, Source};
+use super::aim::{AimShares, Source};
 use super::tree::{Item, LightBounds};
 use super::{LightDensity, LightSample};
 use crate::math::measure::area_to_solid_angle;
@@ -99,12 +99,12 @@ impl Bounds {
 
     /// False only if a ray misses the bounds; rounding errors never cause it.
     #[inline]
-    fn may_meet(&self, ray: &Ray) -> bool {
-        self.may_meet_ball(ray) && self.may_meet_box(ray)
+    fn may_hit(&self, ray: &Ray) -> bool {
+        self.may_hit_ball(ray) && self.may_hit_box(ray)
     }
 
     #[inline]
-    fn may_meet_ball(&self, ray: &Ray) -> bool {
+    fn may_hit_ball(&self, ray: &Ray) -> bool {
         let to = self.centre - ray.origin;
         // Rounding errors of the squares below, and of the differences above.
         let slack = 1e-5 * (to.length_squared() + self.centre.length_squared());
@@ -114,7 +114,7 @@ impl Bounds {
     }
 
     #[inline]
-    fn may_meet_box(&self, ray: &Ray) -> bool {
+    fn may_hit_box(&self, ray: &Ray) -> bool {
         let inv = ray.dir.recip();
         let (a, b) = (
             (self.low - ray.origin) * inv,
@@ -279,7 +279,7 @@ impl AreaLights {
             if material.alpha_mode == AlphaMode::Unseen {
                 density = LightDensity::Delta(pdf_w);
             }
-            let shining = material.shining(&self.textures, uv) * share(material, -wi);
+            let shining = material.emission_presence(&self.textures, uv) * share(material, -wi);
             material.emission_at(&self.textures, uv) * shining
         } else {
             light.radiance
@@ -334,26 +334,26 @@ impl AreaLights {
     /// Radiance on the emitting sides of a surface point times its presence, and true if both sides emit.
     pub(super) fn exitance(&self, surface: &Surface) -> (Rgb, bool) {
         let material = &self.materials[surface.material as usize];
-        let shining = material.shining(&self.textures, surface.uv);
+        let shining = material.emission_presence(&self.textures, surface.uv);
         let radiance = material.emission_at(&self.textures, surface.uv);
         (radiance * shining, material.double_sided)
     }
 
     /// True if rays can hit the surface of a light.
-    pub(super) fn is_seen(&self, surface: &Surface) -> bool {
+    pub(super) fn shows_front(&self, surface: &Surface) -> bool {
         self.materials[surface.material as usize].alpha_mode != AlphaMode::Unseen
     }
 
     /// Density per steradian with which an emission sample leaves a surface point along `wo` (world).
-    pub(super) fn pdf_emission(&self, beam: Option<&Beam>, surface: &Surface, wo: Vec3) -> f32 {
+    pub(super) fn pdf_emission(&self, aim: Option<&AimShares>, surface: &Surface, wo: Vec3) -> f32 {
         let double_sided = self.materials[surface.material as usize].double_sided;
         let uniform = emission_pdf(double_sided, wo.dot(surface.ng));
-        beam.map_or(uniform, |beam| {
+        aim.map_or(uniform, |aim| {
             let source = Source {
                 position: surface.position,
                 facing: (!double_sided).then_some(surface.ng),
             };
-            beam.pdf_towards(&source, wo, uniform)
+            aim.pdf_towards(&source, wo, uniform)
         })
     }
 
@@ -373,18 +373,18 @@ impl AreaLights {
     #[inline]
     pub(super) fn pdf_emission_to(
         &self,
-        beam: Option<&Beam>,
+        aim: Option<&AimShares>,
         light: &LightSample,
         from: Vec3,
     ) -> f32 {
         let triangle = &self.triangles[light.light as usize];
         let uniform = emission_pdf(triangle.double_sided, light.cos);
-        beam.map_or(uniform, |beam| {
+        aim.map_or(uniform, |aim| {
             let source = Source {
                 position: from + light.distance * light.wi,
                 facing: (!triangle.double_sided).then_some(triangle.normal),
             };
-            beam.pdf_towards(&source, -light.wi, uniform)
+            aim.pdf_towards(&source, -light.wi, uniform)
         })
     }
 
@@ -412,7 +412,7 @@ impl AreaLights {
     /// The closest emissive triangle along a ray.
     #[inline]
     pub(super) fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let (_, tree) = (self.tree.as_ref()).filter(|(bounds, _)| bounds.may_meet(ray))?;
+        let (_, tree) = (self.tree.as_ref()).filter(|(bounds, _)| bounds.may_hit(ray))?;
         let hit = tree.closest(ray)?;
         Some(Hit {
             triangle: self.triangles[hit.triangle.index() as usize].triangle,
@@ -442,18 +442,18 @@ mod tests {
             let origin = 10.0 * size * v(668_265_263);
             let to = |point: Vec3| Ray::new(origin, (point - origin).normalize());
             let on_ball = to(bounds.centre + bounds.radius * v(374_761_393).normalize());
-            assert!(bounds.may_meet_ball(&on_ball), "{k}: {on_ball:?}");
+            assert!(bounds.may_hit_ball(&on_ball), "{k}: {on_ball:?}");
             let at = 0.5 + 0.499 * v(374_761_393);
             let in_box = to(bounds.low + at * (bounds.high - bounds.low));
-            assert!(bounds.may_meet(&in_box), "{k}: {in_box:?}");
+            assert!(bounds.may_hit(&in_box), "{k}: {in_box:?}");
             // In the plane of a side, where a bound is 0 · ∞.
             let mut along = v(1_013_904_223);
             along[axis] = 0.0;
             let inside = bounds.low + at * (bounds.high - bounds.low);
             let along = Ray::new(inside, along.normalize());
-            assert!(bounds.may_meet(&along), "{k}: {along:?}");
-            backwards += u32::from(!bounds.may_meet(&Ray::new(origin, -in_box.dir)));
-            flat += u32::from(bounds.may_meet_ball(&on_ball) && !bounds.may_meet(&on_ball));
+            assert!(bounds.may_hit(&along), "{k}: {along:?}");
+            backwards += u32::from(!bounds.may_hit(&Ray::new(origin, -in_box.dir)));
+            flat += u32::from(bounds.may_hit_ball(&on_ball) && !bounds.may_hit(&on_ball));
         }
         assert!(backwards > 15_000, "{backwards}");
         assert!(flat > 10_000, "{flat}");

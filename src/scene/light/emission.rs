@@ -3,7 +3,7 @@
 //! A light is drawn by power, since the points that it will light are not known. Its point and direction are drawn
 //! uniformly in its own measure, or aimed at targets (`aim`).
 
-use super::aim::{Aim, Beam, Source, Target};
+use super::aim::{Aim, AimShares, Source, Target};
 use super::{LightSample, Lights, punctual};
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, warp};
 use crate::sampler::EmissionU;
@@ -73,7 +73,7 @@ impl Sphere {
     }
 
     /// A ray along `dir` from outside the scene through a point of the disk across it, either uniform or of a target.
-    pub(super) fn ray(&self, dir: Vec3, beam: Option<&Beam>, u: &EmissionU) -> Ray {
+    pub(super) fn ray(&self, dir: Vec3, beam: Option<&AimShares>, u: &EmissionU) -> Ray {
         if let Some(point) = beam.and_then(|beam| beam.point_across(dir, u.pick, u.point)) {
             let across = point - self.centre;
             let across = across - (across.dot(dir) + self.radius) * dir;
@@ -115,7 +115,7 @@ impl Lights {
 
     /// Density per area across a ray of emission samples from infinity.
     #[inline]
-    fn pdf_across(&self, beam: Option<&Beam>, ray: &Ray) -> f32 {
+    fn pdf_across(&self, beam: Option<&AimShares>, ray: &Ray) -> f32 {
         let uniform = self.sphere.pdf();
         beam.map_or(uniform, |beam| beam.pdf_across(ray, uniform))
     }
@@ -232,7 +232,7 @@ impl Scene {
     fn emission_of_environment(
         &self,
         pmf: f32,
-        beam: Option<&Beam>,
+        beam: Option<&AimShares>,
         u: &EmissionU,
     ) -> Option<EmissionSample> {
         let lights = &self.lights;
@@ -257,7 +257,7 @@ impl Scene {
     fn emission_of_triangle(
         &self,
         k: usize,
-        beam: Option<&Beam>,
+        beam: Option<&AimShares>,
         u: &EmissionU,
     ) -> Option<EmissionSample> {
         let area = &self.lights.area;
@@ -299,7 +299,7 @@ impl Scene {
                 direction,
                 infinite: false,
             },
-            cos: if area.is_seen(&surface) { cos } else { 0.0 },
+            cos: if area.shows_front(&surface) { cos } else { 0.0 },
             range: f32::INFINITY,
             light: 0,
         })

@@ -13,7 +13,7 @@ mod punctual;
 pub mod sky;
 mod tree;
 
-pub use aim::{Aim, Beam, Target};
+pub use aim::{Aim, AimShares, Target};
 pub use emission::{EmissionDensity, EmissionSample};
 pub use environment::{Environment, read_hdr};
 pub use punctual::{Falloff, PunctualLight};
@@ -88,16 +88,16 @@ impl LightDensity {
 
 /// A point of a light, or the direction of a light at infinity, drawn as the end of manifold chains.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LightEnd {
+pub(crate) struct LightPoint {
     light: usize,
     pmf: f32,
     at: Vec2,
-    pub(crate) place: Place,
+    pub(crate) place: Location,
 }
 
-/// Place of a [`LightEnd`].
+/// Place of a [`LightPoint`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Place {
+pub(crate) enum Location {
     /// World position.
     Point(Vec3),
     /// Unit direction towards a light at infinity.
@@ -205,14 +205,14 @@ impl Lights {
     /// Visibility is not tested.
     #[inline]
     pub fn sample(&self, from: Vec3, u: LightU) -> Option<LightSample> {
-        let (k, pmf, rest) = self.choose(from, u.pick)?;
+        let (k, pmf, rest) = self.sample_light(from, u.pick)?;
         self.sample_one(k, pmf, from, u.at, rest)
     }
 
     /// Draws the light that [`Lights::sample`] draws: its index as in [`Lights::pmf`], the probability of the choice,
     /// and the remainder of `pick`, uniform in [0, 1) again.
     #[inline]
-    pub fn choose(&self, from: Vec3, pick: f64) -> Option<(usize, f32, f64)> {
+    pub fn sample_light(&self, from: Vec3, pick: f64) -> Option<(usize, f32, f64)> {
         match &self.many {
             None => {
                 let (k, rest) = self.choice.sample(pick)?;
@@ -253,13 +253,13 @@ impl Lights {
     }
 
     /// Draws a light by power with `pick` and a point on it; `None` for the environment.
-    pub(crate) fn end(&self, pick: f64, at: Vec2) -> Option<LightEnd> {
+    pub(crate) fn end(&self, pick: f64, at: Vec2) -> Option<LightPoint> {
         let (light, _) = self.choice.sample(pick)?;
         let place = match light.checked_sub(self.area.len()) {
-            None => Place::Point(self.area.position(light, at)),
+            None => Location::Point(self.area.position(light, at)),
             Some(rest) => self.punctual.get(rest)?.place(),
         };
-        Some(LightEnd {
+        Some(LightPoint {
             light,
             pmf: self.choice.pmf(light),
             at,
@@ -268,7 +268,7 @@ impl Lights {
     }
 
     /// The light sample from `from` to this end; `None` if the light does not reach `from`. Visibility is not tested.
-    pub(crate) fn sample_end(&self, from: Vec3, end: &LightEnd) -> Option<LightSample> {
+    pub(crate) fn sample_end(&self, from: Vec3, end: &LightPoint) -> Option<LightSample> {
         self.sample_one(end.light, end.pmf, from, end.at, 0.0)
     }
 

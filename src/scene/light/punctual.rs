@@ -1,8 +1,8 @@
 //! Lights without area: point, spot and directional lights.
 
-use super::aim::{Beam, Source};
+use super::aim::{AimShares, Source};
 use super::emission::{EmissionDensity, EmissionSample, Sphere};
-use super::{LightDensity, LightSample, Place};
+use super::{LightDensity, LightSample, Location};
 use crate::math::warp::{self, SPHERE_PDF};
 use crate::math::{Frame, Ray, Rgb, Vec3, luminance};
 use crate::sampler::EmissionU;
@@ -102,10 +102,10 @@ impl PunctualLight {
         }
     }
 
-    pub(super) fn place(&self) -> Place {
+    pub(super) fn place(&self) -> Location {
         match *self {
-            Self::Point { position, .. } | Self::Spot { position, .. } => Place::Point(position),
-            Self::Directional { direction, .. } => Place::Direction(-direction),
+            Self::Point { position, .. } | Self::Spot { position, .. } => Location::Point(position),
+            Self::Directional { direction, .. } => Location::Direction(-direction),
         }
     }
 
@@ -159,7 +159,7 @@ impl PunctualLight {
     /// Density with which an emission sample of this light draws a ray: per steradian, or for a light at infinity per
     /// area across it.
     #[inline]
-    pub(super) fn pdf_ray(&self, sphere: &Sphere, beam: Option<&Beam>, ray: &Ray) -> f32 {
+    pub(super) fn pdf_ray(&self, sphere: &Sphere, beam: Option<&AimShares>, ray: &Ray) -> f32 {
         let uniform = match *self {
             Self::Directional { .. } => {
                 let uniform = sphere.pdf();
@@ -181,7 +181,7 @@ impl PunctualLight {
         &self,
         pmf: f32,
         sphere: &Sphere,
-        beam: Option<&Beam>,
+        beam: Option<&AimShares>,
         u: &EmissionU,
     ) -> Option<EmissionSample> {
         let (position, dir, intensity, range) = match *self {
@@ -255,7 +255,7 @@ impl PunctualLight {
 }
 
 /// A direction from a point towards a target; `None` if uniform emission is chosen.
-fn aimed(beam: Option<&Beam>, position: Vec3, u: &EmissionU) -> Option<Vec3> {
+fn aimed(beam: Option<&AimShares>, position: Vec3, u: &EmissionU) -> Option<Vec3> {
     let source = Source {
         position,
         facing: None,

@@ -224,7 +224,7 @@ impl Sky {
     }
 
     /// Luminance in kcd/m² and chromaticities x and y of the sky above the horizon.
-    fn seen(&self, dir: DVec3) -> [f64; 3] {
+    fn sky_luminance(&self, dir: DVec3) -> [f64; 3] {
         let s = self.sun_angle();
         let sun = towards(self.azimuth.into(), self.elevation.into());
         let gamma = dir.dot(sun).clamp(-1.0, 1.0).acos();
@@ -242,7 +242,7 @@ impl Sky {
 
     /// Radiance of the sky without its sun; below the horizon that of the horizon.
     fn radiance(&self, dir: DVec3) -> DVec3 {
-        let [luminance, x, y] = self.seen(dir.with_y(dir.y.max(0.0)).normalize());
+        let [luminance, x, y] = self.sky_luminance(dir.with_y(dir.y.max(0.0)).normalize());
         rec709(luminance.max(0.0) / UNIT, x, y).max(DVec3::ZERO)
     }
 

@@ -1,7 +1,7 @@
 //! Closed meshes that transmit without a thickness: glass as modelling programs export it, most of it meant as bodies.
 
 use super::error::{Warnings, place};
-use crate::scene::shells::Shell;
+use crate::scene::shells::EdgeStats;
 use crate::scene::{Material, Mesh};
 
 /// Meaning of closed meshes that transmit without a thickness.
@@ -37,7 +37,7 @@ pub(super) fn bodies(
         let (closed, open): (Vec<&mut Mesh>, Vec<&mut Mesh>) = (meshes.iter_mut())
             .map(|mesh| &mut **mesh)
             .filter(|mesh| mesh.material as usize == i)
-            .partition(|mesh| Shell::of(mesh).is_closed());
+            .partition(|mesh| EdgeStats::of(mesh).is_closed());
         if closed.is_empty() {
             continue;
         }

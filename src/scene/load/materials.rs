@@ -1,7 +1,7 @@
 //! Materials: factors, extensions, and uses of textures.
 
 use super::error::{Result, Warnings, fault, place};
-use super::mesh::Slot;
+use super::mesh::MaterialInfo;
 use super::textures::Requests;
 use crate::bsdf::Distribution;
 use crate::math::Rgb;
@@ -38,7 +38,7 @@ pub(super) fn materials(
     distribution: Distribution,
     requests: &mut Requests,
     warnings: &mut Warnings,
-) -> Result<(Vec<Material>, Vec<Slot>)> {
+) -> Result<(Vec<Material>, Vec<MaterialInfo>)> {
     let default = json::Material::default();
     let mut materials = Vec::new();
     let mut slots = Vec::new();
@@ -58,7 +58,7 @@ pub(super) fn materials(
         if second.is_some() {
             material.finish_mut().has_second_uvs = true;
         }
-        slots.push(Slot {
+        slots.push(MaterialInfo {
             material: i as u32,
             uv_sets: (first.unwrap_or(0), second),
             emits: material.emission != Rgb::ZERO,

@@ -20,7 +20,7 @@ use std::collections::{HashMap, HashSet};
 
 /// Properties of a material on which meshes depend.
 #[derive(Clone, Copy)]
-pub(super) struct Slot {
+pub(super) struct MaterialInfo {
     /// Index into `SceneParts::materials`.
     pub(super) material: u32,
     /// Texture coordinate sets of its textures: the first pair, and the second if there is one.
@@ -34,14 +34,14 @@ pub(super) struct Slot {
 }
 
 /// Materials of primitives.
-pub(super) struct Looks<'a> {
+pub(super) struct PrimitiveMaterials<'a> {
     /// One entry per material of the file and, last, the default material's.
-    pub(super) slots: &'a [Slot],
+    pub(super) slots: &'a [MaterialInfo],
     /// Variant to show.
     pub(super) variant: Option<u64>,
 }
 
-impl Looks<'_> {
+impl PrimitiveMaterials<'_> {
     /// Index of a primitive's material.
     fn of(&self, primitive: &Primitive) -> usize {
         let none = self.slots.len() - 1;
@@ -86,7 +86,7 @@ impl Instance<'_> {
 pub(super) fn meshes(
     data: &Data<'_>,
     nodes: &[PlacedNode<'_>],
-    looks: &Looks<'_>,
+    looks: &PrimitiveMaterials<'_>,
     warnings: &mut Warnings,
 ) -> Result<(Vec<Mesh>, Vec<SharedMesh>)> {
     let skins = Skins::new(data, nodes, warnings)?;
@@ -284,7 +284,7 @@ fn accessor(primitive: &Primitive, semantic: Semantic) -> Option<usize> {
 fn mesh(
     data: &Data<'_>,
     instance: &Instance<'_>,
-    looks: &Looks<'_>,
+    looks: &PrimitiveMaterials<'_>,
     warnings: &mut Warnings,
 ) -> Result<Option<Mesh>> {
     let Instance { primitive, .. } = instance;
@@ -298,7 +298,7 @@ fn mesh(
         return Ok(None);
     }
     let slot = looks.of(primitive);
-    let Some(&Slot {
+    let Some(&MaterialInfo {
         material,
         uv_sets,
         textured,

@@ -198,7 +198,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         &mut warnings,
     )?;
     let variant = variants::chosen(&root, options.variant.as_deref())?;
-    let shown = mesh::Looks {
+    let shown = mesh::PrimitiveMaterials {
         slots: &slots,
         variant,
     };

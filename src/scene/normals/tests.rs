@@ -68,7 +68,7 @@ fn bent_normal_mirrors_a_direction_to_its_own_side() {
         let ns = Vec3::new(lean * (7.0 * b).cos(), lean * (7.0 * b).sin(), a);
         let height = c.powi(4).max(1e-4);
         let w = Vec3::new((1.0 - height * height).sqrt(), 0.0, height);
-        for least in [LEAST_ROUGH, LEAST_SMOOTH, 0.0, -0.5, LEAST_MATT] {
+        for least in [MIN_COS_ROUGH, MIN_COS_SMOOTH, 0.0, -0.5, MIN_COS_MATT] {
             let n = bent(ns, ng, w, least);
             assert_eq!(n, bent(ns, ng, -w, least));
             let bound = least.clamp(-0.9 * height, 0.9 * height);
@@ -91,10 +91,10 @@ fn bent_normal_mirrors_a_direction_to_its_own_side() {
 #[test]
 fn bent_normal_is_the_given_one_from_above_and_the_geometric_one_in_its_plane() {
     let (ng, ns) = (Vec3::Z, Vec3::new(-0.3, 0.0, 0.9539392));
-    assert_eq!(bent(ns, ng, Vec3::Z, LEAST_ROUGH), ns);
-    assert_eq!(bent(ng, ng, Vec3::X, LEAST_ROUGH), ng);
+    assert_eq!(bent(ns, ng, Vec3::Z, MIN_COS_ROUGH), ns);
+    assert_eq!(bent(ng, ng, Vec3::X, MIN_COS_ROUGH), ng);
     // Edge on, nothing is visible, but the result is a unit normal.
-    let n = bent(ns, ng, Vec3::X, LEAST_ROUGH);
+    let n = bent(ns, ng, Vec3::X, MIN_COS_ROUGH);
     assert!(
         (n.length() - 1.0).abs() < 1e-5 && n.dot(Vec3::X) > -1e-6,
         "{n}"

@@ -8,7 +8,7 @@ use opsr::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::scene::{
-    Aim, Beam, Camera, EmissionSample, Environment, Lens, Material, Projection, PunctualLight,
+    Aim, AimShares, Camera, EmissionSample, Environment, Lens, Material, Projection, PunctualLight,
     Scene, SceneParts, Sensor, Target,
 };
 use opsr_lab::verify::chi_square::{integrate, p_value};
@@ -312,7 +312,7 @@ fn chi_square_of_emission_from_an_environment() {
 fn aim(scene: &Scene, targets: &[(Vec3, f32, f32)]) -> Aim {
     scene.lights().index();
     let target = |&(centre, radius, share): &(Vec3, f32, f32)| (Target { centre, radius }, share);
-    let beam = Beam::new(targets.iter().map(target).collect());
+    let beam = AimShares::new(targets.iter().map(target).collect());
     Aim::new(vec![Some(beam)], vec![0; scene.lights().len()])
 }
 

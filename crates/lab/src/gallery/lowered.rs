@@ -132,7 +132,7 @@ fn plain(material: &Material, textures: &[Texture]) -> Material {
             let f0 = |c: usize| conductor(1.0, eta[c], k[c]);
             out.base_color *= Rgb::new(f0(0), f0(1), f0(2));
         }
-        Some(cover) => out.base_color = cover.seen(out.base_color),
+        Some(cover) => out.base_color = cover.effective_albedo(out.base_color),
         None => {}
     }
     let coat = finish.clearcoat.clone().map(|mut coat| {

@@ -142,7 +142,7 @@ impl Simple {
                 break;
             };
             let wi = frame.to_world(sample.wi);
-            let seen = surface.rise > 0.0 && sample.wi.z > 0.0;
+            let seen = surface.curved_height > 0.0 && sample.wi.z > 0.0;
             if wi.dot(surface.ng) * sample.wi.z <= 0.0 && !seen {
                 break;
             }

@@ -28,7 +28,7 @@ use crate::integrator::walk::shading_point::{Continuation, ShadingPoint};
 use crate::integrator::walk::{Arrival, Interaction, Walk};
 use crate::math::{DVec3, Ray, Rgb, UVec2, Vec2, Vec3, warp};
 use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed, VertexU};
-use crate::scene::light::{LightEnd, Place};
+use crate::scene::light::{LightPoint, Location};
 use crate::scene::{Scene, Surface};
 use casters::{Casters, patch};
 use constraint::{ChainVertex, End, chain};
@@ -203,8 +203,8 @@ impl Directions for ManifoldPolicy<'_> {
             from: point.surface.position.as_dvec3(),
             light,
             end: match light.place {
-                Place::Point(at) => End::Point(at.as_dvec3()),
-                Place::Direction(dir) => End::Direction(dir.as_dvec3()),
+                Location::Point(at) => End::Point(at.as_dvec3()),
+                Location::Direction(dir) => End::Direction(dir.as_dvec3()),
             },
         };
         // A separate random stream, seeded by the numbers of the vertex.
@@ -227,7 +227,7 @@ struct Search<'a, 'v> {
     point: &'a ShadingPoint<'a>,
     /// Position of the receiver.
     from: DVec3,
-    light: LightEnd,
+    light: LightPoint,
     end: End,
 }
 
