@@ -259,7 +259,7 @@ plant "film: noise counts as wrong light" crates/frames/src/average.rs \
 plant "film: regions are not compared" crates/frames/src/average.rs \
     's/REGION_WEIGHT \* square\(pair\)/0.0 * square(pair)/' frames::tests::dimming_lamp_keeps_its_energy
 plant "film: hidden places count" crates/frames/src/reproject.rs \
-    's/\(-unlike\)\.exp\(\)/1.0/' frames::tests::surfaces_are_found_between_pixels
+    's/\(-sum\)\.exp\(\)/1.0/' frames::tests::surfaces_are_found_between_pixels
 plant "film: moving surfaces stay where they are" crates/frames/src/reproject.rs \
     's/self\.place = match steps/let _ = match steps/' frames::tests::surfaces_move_with_their_triangles
 plant "film: surfaces move back" crates/frames/src/reproject.rs \
@@ -357,7 +357,7 @@ plant "studio: the floor moves with the objects" src/render/open.rs \
     's/lay_floor\(loaded\.rest\.as_ref\(\)\)/lay_floor(None)/' load::motion::floor_of_the_studio_stays_at_every_moment
 plant "view: the camera turns at the depth of the floor" crates/view/src/work.rs \
     's/\(!is_floor\)\.then/(true || is_floor).then/' view::view_knows_the_objects_of_a_studio
-plant "view: pictures of fewer pixels are raw" crates/view/src/young.rs \
+plant "view: pictures of fewer pixels are raw" crates/view/src/preview.rs \
     's/= settings\(request, &viewpoint\.settings\);/= Settings { amounts: Amounts::Raw, ..settings(request, &viewpoint.settings) };/' \
     viewer::work::tests::young_pictures_are_resolved
 plant "view: one sample of a whole frame is shown" crates/view/src/work.rs \

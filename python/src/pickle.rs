@@ -25,16 +25,16 @@ const CHANNELS: [&str; 10] = ["", "R", "G", "B", "X", "Y", "Z", "A", "mesh", "ma
 type Channels = (String, Vec<(String, Vec<u8>)>);
 
 /// Share, pixel, finder and squares of missing light.
-type Lack = (f64, [u32; 2], String, Vec<u8>);
+type PickledMissing = (f64, [u32; 2], String, Vec<u8>);
 
 /// Pixels of the denoised and of the noisy picture; level, squared bias, variance and noise of every pixel. They are
 /// pickled because the denoiser may be missing where a film is read.
 type Denoised = (Vec<u8>, Vec<u8>, Option<(Vec<u8>, [Vec<u8>; 3])>);
 
 /// Layers, missing light, camera, options of the film with true for the studio, denoised picture and wall time of a film.
-type Rest = (
+type PickledFilm = (
     Vec<Channels>,
-    Option<Lack>,
+    Option<PickledMissing>,
     Option<[f32; 16]>,
     (String, bool),
     Option<Denoised>,
@@ -144,7 +144,7 @@ pub(crate) fn reduce<'py>(film: &Bound<'py, Film>) -> PyResult<Bound<'py, PyAny>
     };
     let mut options = spec.settings();
     options.retain(|name, _| Opt::named(name).is_some_and(|option| option.of_film));
-    let rest: Rest = (
+    let rest: PickledFilm = (
         layers.collect(),
         missing.as_ref().map(lack),
         *world_to_camera,
@@ -165,7 +165,7 @@ pub(crate) fn reduce<'py>(film: &Bound<'py, Film>) -> PyResult<Bound<'py, PyAny>
 
 /// A film from its pickle.
 #[pyfunction]
-pub(crate) fn _film(py: Python<'_>, moments: &[u8], rest: Rest) -> PyResult<Film> {
+pub(crate) fn _film(py: Python<'_>, moments: &[u8], rest: PickledFilm) -> PyResult<Film> {
     let folder = py.import("tempfile")?.call_method0("TemporaryDirectory")?;
     let path = folder.getattr("name")?.extract::<String>()?;
     let path = Path::new(&path).join("film");
@@ -189,7 +189,7 @@ pub(crate) fn _film(py: Python<'_>, moments: &[u8], rest: Rest) -> PyResult<Film
         let channels = channels.collect::<PyResult<Vec<_>>>()?;
         Ok(Layer { name, channels })
     };
-    let missing = |(share, pixel, finder, squares): Lack| {
+    let missing = |(share, pixel, finder, squares): PickledMissing| {
         use IntegratorKind as Kind;
         let kinds = [
             Kind::Path,

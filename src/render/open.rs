@@ -125,7 +125,7 @@ fn reflects_nothing(scene: &Scene) -> bool {
     let faces_nothing = |i: TriangleId| {
         let [a, b, c] = geometry.triangle(i);
         let (middle, out) = ((a + b + c) / 3.0, geometry.triangle_normal(i));
-        // A scene built by `Scene::outline` has no tree, and rays hit nothing.
+        // A scene built by `Scene::without_trees` has no tree, and rays hit nothing.
         let meets = |from: Vec3, dir: Vec3| scene.intersect(&Ray::new(from, dir)).is_some();
         !meets(middle + 1e-4 * beyond * out, out) && meets(middle + beyond * out, -out)
     };
@@ -204,8 +204,8 @@ impl Spec {
         })
     }
 
-    /// Opens the scene of a file: glTF, or one of the formats. `build` is [`Scene::new`], or [`Scene::without_trees`] for a
-    /// description only.
+    /// Opens the scene of a file: glTF, or one of the formats. `build` is [`Scene::new`], or [`Scene::without_trees`] for
+    /// a description only.
     pub fn open(
         &self,
         path: &Path,

@@ -7,7 +7,7 @@ use std::str::FromStr;
 const FPS: f64 = 24.0;
 
 /// Maximum number of frames of a film: 12 hours at 24 frames per second.
-const MOST: u32 = 1 << 20;
+const MAX_FRAMES: u32 = 1 << 20;
 
 /// Frames of an animation, both ends included, such as `1..48` or `0..99@30`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +38,7 @@ impl FromStr for FrameRange {
             };
             let (first, last) = range.split_once("..")?;
             let (first, last): (u32, u32) = (first.parse().ok()?, last.parse().ok()?);
-            let possible = first <= last && last - first < MOST && last < u32::MAX;
+            let possible = first <= last && last - first < MAX_FRAMES && last < u32::MAX;
             (possible && fps > 0.0 && f64::is_finite(fps)).then_some(Self { first, last, fps })
         };
         let what = "expected the first and the last frame, such as 1..48, or with frames per second, such as 1..48@30";

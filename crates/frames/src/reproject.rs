@@ -9,16 +9,16 @@ use opsr::scene::Sensor;
 const REACH: f32 = 3.0;
 
 /// Factor on squared differences of unit normals.
-const BEND: f32 = 10.0;
+const NORMAL_WEIGHT: f32 = 10.0;
 
 /// Squared difference of unit normals from which on a pixel shows another surface.
-const BENT: f32 = 0.1;
+const NORMAL_LIMIT: f32 = 0.1;
 
 /// Difference of reflectances at which a surface counts as another one.
-const PAINT: f32 = 0.05;
+const ALBEDO_STEP: f32 = 0.05;
 
 /// Factor on the squared logarithm of the ratio of two surfaces' glints. Measured in docs/lab/films.md.
-const GLINT: f32 = 3.0;
+const GLINT_WEIGHT: f32 = 3.0;
 
 /// Minimum sum of weights of a visible surface.
 const SEEN: f32 = 0.05;
@@ -111,7 +111,7 @@ impl Reprojection {
         let pixel = index(from, at.x as i64, at.y as i64)?;
         let there = &from.surfaces.points[pixel];
         let near = there.position.distance(place) < REACH * side(from, place);
-        let alike = self.point.difference(there).0 < BENT;
+        let alike = self.point.difference(there).0 < NORMAL_LIMIT;
         let next = place + (moved[pixel] - there.position);
         (near && alike && next.is_finite()).then_some(next)
     }
@@ -145,9 +145,9 @@ impl Reprojection {
             }
             let far = there.position.distance_squared(place) / (reach * reach);
             let (bend, paint) = self.point.difference(there);
-            let unlike = 0.5 * far + BEND * bend + 0.5 * paint / (PAINT * PAINT);
-            let unlike = unlike + GLINT * self.point.contrast(there, dark);
-            let w = across * down * (-unlike).exp();
+            let sum = 0.5 * far + NORMAL_WEIGHT * bend + 0.5 * paint / (ALBEDO_STEP * ALBEDO_STEP);
+            let sum = sum + GLINT_WEIGHT * self.point.contrast(there, dark);
+            let w = across * down * (-sum).exp();
             light += w * frame.picture.pixels[pixel];
             noise += w * variance[pixel];
             weight += w;

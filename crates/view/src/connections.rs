@@ -4,7 +4,7 @@ use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Maximum number of open connections.
-const MOST: usize = 48;
+const MAX_CONNECTIONS: usize = 48;
 
 /// Open connections, the oldest first.
 #[derive(Default)]
@@ -36,7 +36,7 @@ impl Connections {
     pub(super) fn admit(connections: &Arc<Self>, stream: &TcpStream) -> Option<Place> {
         let held = stream.try_clone().ok()?;
         let mut slots = connections.lock();
-        if slots.open.len() >= MOST {
+        if slots.open.len() >= MAX_CONNECTIONS {
             let oldest = slots.open.iter().position(|connection| !connection.known)?;
             let left = slots.open.remove(oldest);
             let _ = left.stream.shutdown(Shutdown::Both);
@@ -100,15 +100,15 @@ mod tests {
             let (server, _) = listener.accept().expect("a connection");
             (client, Connections::admit(&connections, &server))
         };
-        let mut all: Vec<_> = (0..MOST).map(|_| connect()).collect();
+        let mut all: Vec<_> = (0..MAX_CONNECTIONS).map(|_| connect()).collect();
         all[0].1.as_ref().expect("a place").keep();
         let (_, place) = connect();
         assert!(place.is_some(), "the oldest is closed");
-        assert_eq!(connections.lock().open.len(), MOST);
+        assert_eq!(connections.lock().open.len(), MAX_CONNECTIONS);
         // The second was the oldest without the token: its client reads the end.
         assert_eq!(all[1].0.read(&mut [0]).expect("an end"), 0);
         drop(place);
-        assert_eq!(connections.lock().open.len(), MOST - 1);
+        assert_eq!(connections.lock().open.len(), MAX_CONNECTIONS - 1);
         let (_, last) = connect();
         let last = last.expect("a place");
         last.keep();

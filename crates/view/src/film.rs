@@ -11,16 +11,16 @@ use std::time::Instant;
 
 /// Maximum frames per second, and maximum number of frames.
 const RATE: f64 = 24.0;
-const MOST_FRAMES: f64 = 4096.0;
+const MAX_FRAMES: f64 = 4096.0;
 
 /// Maximum bytes of the frames of a film, and bytes of a pixel.
-const MOST_BYTES: f64 = (1 << 29) as f64;
+const MAX_BYTES: f64 = (1 << 29) as f64;
 const BYTES_OF_PIXEL: f64 = 12.0;
 
 /// Number of frames of one loop of animations of this length, and frames per second.
 pub(super) fn pace(seconds: f64) -> (usize, f64) {
-    let rate = RATE / (seconds * RATE / MOST_FRAMES).ceil().max(1.0);
-    let count = (seconds * rate - 1e-6).ceil().clamp(1.0, MOST_FRAMES);
+    let rate = RATE / (seconds * RATE / MAX_FRAMES).ceil().max(1.0);
+    let count = (seconds * rate - 1e-6).ceil().clamp(1.0, MAX_FRAMES);
     (count as usize, rate)
 }
 
@@ -55,7 +55,7 @@ impl Clock {
 }
 
 /// A stored frame.
-pub(super) struct Still {
+pub(super) struct StoredFrame {
     /// Linear radiance.
     pub(super) picture: Buffer,
     /// Number of its round.
@@ -75,7 +75,7 @@ pub(super) struct Film {
     pub(super) scale: u32,
     in_studio: bool,
     /// Every frame with the number of its change.
-    stills: Vec<(u64, Option<Arc<Still>>)>,
+    frames: Vec<(u64, Option<Arc<StoredFrame>>)>,
     /// Number of the last change.
     changes: u64,
     exposure: Option<f32>,
@@ -91,40 +91,40 @@ impl Film {
         in_studio: bool,
     ) -> Self {
         let bytes = BYTES_OF_PIXEL * count as f64 * frame.as_dvec2().element_product();
-        let fits = |scale: &u32| bytes / f64::from(scale * scale) <= MOST_BYTES;
+        let fits = |scale: &u32| bytes / f64::from(scale * scale) <= MAX_BYTES;
         Self {
             number,
             key,
             rate,
             scale: (1..u32::MAX).find(fits).unwrap_or(1),
             in_studio,
-            stills: vec![(0, None); count],
+            frames: vec![(0, None); count],
             changes: 0,
             exposure: None,
         }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.stills.len()
+        self.frames.len()
     }
 
     /// Keeps a frame in place of an earlier one.
-    pub(super) fn keep(&mut self, number: usize, still: Still) {
+    pub(super) fn store(&mut self, number: usize, still: StoredFrame) {
         self.changes += 1;
-        self.stills[number] = (self.changes, Some(Arc::new(still)));
+        self.frames[number] = (self.changes, Some(Arc::new(still)));
     }
 
     /// The missing frame that the clock reaches first, from these seconds on.
     pub(super) fn first_missing(&self, from: f64) -> Option<usize> {
         let from = (from * self.rate).rem_euclid(self.len() as f64).ceil() as usize;
         let mut around = (0..self.len()).map(|i| (from + i) % self.len());
-        around.find(|number| self.stills[*number].1.is_none())
+        around.find(|number| self.frames[*number].1.is_none())
     }
 
     /// The first frame of an earlier round than this one.
     pub(super) fn first_before(&self, round: usize) -> Option<usize> {
-        let earlier = |still: &Option<Arc<Still>>| still.as_ref().is_none_or(|s| s.round < round);
-        (self.stills.iter()).position(|(_, still)| earlier(still))
+        let earlier = |f: &Option<Arc<StoredFrame>>| f.as_ref().is_none_or(|f| f.round < round);
+        (self.frames.iter()).position(|(_, still)| earlier(still))
     }
 
     /// True if there are changes after this one.
@@ -133,8 +133,8 @@ impl Film {
     }
 
     /// The oldest change after this one: its number, the number of the frame, and the frame.
-    pub(super) fn after(&self, change: u64) -> Option<(u64, usize, Arc<Still>)> {
-        let all = self.stills.iter().enumerate();
+    pub(super) fn after(&self, change: u64) -> Option<(u64, usize, Arc<StoredFrame>)> {
+        let all = self.frames.iter().enumerate();
         let newer = all.filter_map(|(frame, (number, still))| {
             let still = still.as_ref().filter(|_| *number > change)?;
             Some((*number, frame, still))
@@ -147,7 +147,7 @@ impl Film {
     /// Counts every frame as changed, and drops the exposure.
     pub(super) fn repaint(&mut self) {
         self.exposure = None;
-        for (number, still) in &mut self.stills {
+        for (number, still) in &mut self.frames {
             if still.is_some() {
                 self.changes += 1;
                 *number = self.changes;
@@ -168,7 +168,7 @@ impl Film {
     }
 
     pub(super) fn json(&self, clock: Option<Clock>) -> Value {
-        let kept = self.stills.iter().filter(|(_, still)| still.is_some());
+        let kept = self.frames.iter().filter(|(_, still)| still.is_some());
         json!({
             "number": self.number,
             "frames": self.len(),

@@ -88,20 +88,20 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
     while !hub.ended() {
         let Some(job) = slot.take() else { continue };
         let clock = Instant::now();
-        let against = Against::of(hub, &job);
-        let Some((spec, against)) = against else {
+        let comparison = Comparison::of(hub, &job);
+        let Some((spec, comparison)) = comparison else {
             slot.done(clock.elapsed().as_secs_f64());
             continue;
         };
         let (side, run) = (job.side, job.run);
         let due = side == 0 && witness.is_due(&job, &spec);
         let missing = (side == 0).then(|| witness.of(run)).flatten();
-        let made = pool.install(|| finished(&job, &spec, &against, missing));
+        let made = pool.install(|| finished(&job, &spec, &comparison, missing));
         match made {
             Ok(snapshot) => hub.show(side, snapshot),
             Err(fault) => hub.change(|state| {
                 state.notes = vec![fault.message(Names::Flags)];
-                state.words_number += 1;
+                state.status_version += 1;
             }),
         }
         // The picture is shown before the witness runs, which is not part of this cost.
@@ -111,13 +111,13 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
             hub.change(|state| {
                 if state.run == run {
                     state.missing = words;
-                    state.words_number += 1;
+                    state.status_version += 1;
                 }
             });
             // The missing light is part of the error and of its map.
             if let Some(missing) = witness.of(run)
                 && let Ok(snapshot) =
-                    pool.install(|| finished(&job, &spec, &against, Some(missing)))
+                    pool.install(|| finished(&job, &spec, &comparison, Some(missing)))
             {
                 hub.show(side, snapshot);
             }
@@ -127,7 +127,7 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
 }
 
 /// The picture that a film is compared with, and the kind of comparison.
-struct Against {
+struct Comparison {
     picture: Option<Arc<Snapshot>>,
     /// The reference, which replaces that picture.
     reference: Option<Arc<Buffer>>,
@@ -135,7 +135,7 @@ struct Against {
     shown: bool,
 }
 
-impl Against {
+impl Comparison {
     /// The comparison of a job, with the current options; `None` if its render is obsolete.
     fn of(hub: &Hub, job: &Job) -> Option<(Spec, Self)> {
         let state = hub.lock();
@@ -148,12 +148,12 @@ impl Against {
         };
         let whole = |picture: &&Arc<Snapshot>| picture.run == job.run && !picture.preview;
         let reference = state.options.other == Some(Other::Reference);
-        let against = Self {
+        let comparison = Self {
             picture: side.as_ref().filter(whole).cloned(),
             reference: hub.reference.clone().filter(|_| reference),
             shown: state.options.overlay == Overlay::Flip,
         };
-        Some((state.options.spec.clone(), against))
+        Some((state.options.spec.clone(), comparison))
     }
 
     /// Mean FLIP, and FLIP of every pixel if it is shown.
@@ -234,14 +234,14 @@ pub(super) struct Maps {
 fn finished(
     job: &Job,
     spec: &Spec,
-    against: &Against,
+    comparison: &Comparison,
     missing: Option<&MissingLight>,
 ) -> Result<Snapshot, Fault> {
     let denoiser = spec.denoiser()?;
     let shown = Shown::of(&job.picture, spec, denoiser.as_ref())?;
     let mut maps = Maps::of(&shown, &job.picture.film, missing);
     let picture = shown.picture;
-    let (flip, values) = against.flip(job.side, &picture);
+    let (flip, values) = comparison.flip(job.side, &picture);
     maps.flip = values;
     Ok(Snapshot {
         viewpoint: job.viewpoint.clone(),

@@ -51,14 +51,14 @@ pub(super) struct Frame {
 
 /// Progress of a render.
 #[derive(Clone, Default)]
-pub(super) struct Course {
+pub(super) struct Progress {
     pub(super) samples: u32,
     pub(super) seconds: f64,
     /// (seconds, samples, stated error).
     points: Vec<(f64, u32, f64)>,
 }
 
-impl Course {
+impl Progress {
     /// Adds a point; drops every second point first where there are too many.
     fn add(&mut self, seconds: f64, samples: u32, error: f64) {
         if !error.is_finite() || samples == 0 {
@@ -89,14 +89,14 @@ pub(super) struct State {
     pub(super) options_number: u64,
     pub(super) shown_number: u64,
     pub(super) frame_number: u64,
-    pub(super) words_number: u64,
+    pub(super) status_version: u64,
     pub(super) open_scene: Option<Arc<OpenScene>>,
     /// Frames of the animations, once they have been played.
     pub(super) film: Option<Film>,
     pub(super) shown: Option<Arc<Snapshot>>,
     pub(super) other: Option<Arc<Snapshot>>,
     pub(super) frame: Option<Arc<Frame>>,
-    pub(super) courses: [Course; 2],
+    pub(super) progress: [Progress; 2],
     /// Number of the render.
     pub(super) run: u64,
     pub(super) phase: &'static str,
@@ -116,7 +116,7 @@ pub(super) struct Hub {
     state: Mutex<State>,
     changed: Condvar,
     /// True if the render in progress is obsolete.
-    pub(super) disturbed: AtomicBool,
+    pub(super) obsolete: AtomicBool,
     ended: AtomicBool,
     /// Picture of the reference.
     pub(super) reference: Option<Arc<Buffer>>,
@@ -130,13 +130,13 @@ impl Hub {
                 options_number: 1,
                 shown_number: 0,
                 frame_number: 0,
-                words_number: 1,
+                status_version: 1,
                 open_scene: None,
                 film: None,
                 shown: None,
                 other: None,
                 frame: None,
-                courses: Default::default(),
+                progress: Default::default(),
                 run: 0,
                 phase: "loading",
                 integrator: String::new(),
@@ -148,7 +148,7 @@ impl Hub {
                 saves: Vec::new(),
             }),
             changed: Condvar::new(),
-            disturbed: AtomicBool::new(false),
+            obsolete: AtomicBool::new(false),
             ended: AtomicBool::new(false),
             reference: reference.map(Arc::new),
         }
@@ -183,7 +183,7 @@ impl Hub {
     /// Ends all threads.
     pub(super) fn end(&self) {
         self.ended.store(true, Ordering::Relaxed);
-        self.disturbed.store(true, Ordering::Relaxed);
+        self.obsolete.store(true, Ordering::Relaxed);
         self.change(|_| ());
     }
 
@@ -195,7 +195,7 @@ impl Hub {
         self.change(|state| {
             let next = make(&state.options)?;
             if next.render_key() != state.options.render_key() {
-                self.disturbed.store(true, Ordering::Relaxed);
+                self.obsolete.store(true, Ordering::Relaxed);
             }
             if next.display_key() != state.options.display_key()
                 && let Some(film) = &mut state.film
@@ -204,7 +204,7 @@ impl Hub {
             }
             state.options = next;
             state.options_number += 1;
-            state.words_number += 1;
+            state.status_version += 1;
             state.fault = None;
             Ok(())
         })
@@ -217,7 +217,7 @@ impl Hub {
             state.phase = "stopped";
             // There will be no picture to save.
             state.saves.clear();
-            state.words_number += 1;
+            state.status_version += 1;
         });
     }
 
@@ -228,7 +228,7 @@ impl Hub {
                 return;
             }
             if !snapshot.preview {
-                let course = &mut state.courses[side];
+                let course = &mut state.progress[side];
                 let stated = snapshot.maps.stated.unwrap_or(f64::INFINITY);
                 course.add(snapshot.seconds, snapshot.samples, stated);
             }
@@ -239,12 +239,12 @@ impl Hub {
             };
             *place = Some(Arc::new(snapshot));
             state.shown_number += 1;
-            state.words_number += 1;
+            state.status_version += 1;
         });
     }
 
     /// Waits for the current render; `None` if there is none, too many pages wait, or two minutes have passed.
-    pub(super) fn keep(&self) -> Option<Outcome<'static>> {
+    pub(super) fn request_film(&self) -> Option<Outcome<'static>> {
         let (send, receive) = std::sync::mpsc::sync_channel(1);
         let room = self.change(|state| {
             let none =
@@ -261,7 +261,7 @@ impl Hub {
 
 impl State {
     /// Everything that a page shows beside pixels.
-    pub(super) fn words(&self) -> Value {
+    pub(super) fn status_json(&self) -> Value {
         let options = &self.options;
         let shown = self.shown.as_ref();
         let mut notes = [options.left_out.as_slice(), self.notes.as_slice()].concat();
@@ -299,8 +299,8 @@ impl State {
             "warnings": warnings,
             "fault": self.fault,
             "command": self.command,
-            "course": self.courses[0].json(),
-            "other_course": self.courses[1].json(),
+            "course": self.progress[0].json(),
+            "other_course": self.progress[1].json(),
             "error": shown.filter(|s| !s.preview).and_then(|s| s.maps.stated).filter(|e| e.is_finite()),
             "flip": self.flip,
         })

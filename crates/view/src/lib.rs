@@ -10,7 +10,7 @@
 //! | `work` | the render thread |
 //! | `finish` | the thread that makes pictures of films |
 //! | `likeness` | FLIP over tiles, while a picture changes |
-//! | `young` | previews of fewer pixels than the frame |
+//! | `preview` | previews of fewer pixels than the frame |
 //! | `film` | stored frames of animations |
 //! | `play` | playback: frames of animations, rendered in rounds |
 //! | `paint` | the thread that makes pixels of pictures |
@@ -33,11 +33,11 @@ mod open_scene;
 mod options;
 mod paint;
 mod play;
+mod preview;
 mod save;
 mod scene_file;
 mod serve;
 mod work;
-mod young;
 
 use finish::Slot;
 use hub::Hub;
@@ -45,6 +45,7 @@ use opsr::files::hex;
 use opsr::image::exr;
 use opsr::render::{Fault, Spec};
 use options::Options;
+use preview::Previews;
 use scene_file::{Dropped, SceneFile};
 use serve::Server;
 use std::collections::HashMap;
@@ -54,7 +55,6 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use work::Renderer;
-use young::Young;
 
 /// A viewer of a scene that listens and does not render yet.
 pub struct Viewer {
@@ -121,7 +121,7 @@ impl Viewer {
             let mut renderer = Renderer {
                 hub: &shared,
                 slot: &slot,
-                young: Young::default(),
+                previews: Previews::default(),
                 choices: HashMap::new(),
             };
             renderer.run();

@@ -31,7 +31,7 @@ impl OpenScene {
     pub(super) fn of(options: &Options) -> Result<Self, Fault> {
         let file = &options.file;
         let opened = (options.spec.open(&file.path, FORMATS, Scene::new))
-            .map_err(|fault| file.said(fault))?;
+            .map_err(|fault| file.redacted(fault))?;
         if opened.scene.lights().is_empty() {
             let what = "nothing lights the scene: {env} studio, {env} sky or a map would";
             return Err(Fault::Input(format!("{}: {what}", file.name)));

@@ -1,11 +1,11 @@
 //! Playback of animations: all frames of the film at a few samples, in the order of the clock, and then rounds of
 //! better frames, averaged along the surfaces that they share.
 
-use super::film::{self, Film, Still};
+use super::film::{self, Film, StoredFrame};
 use super::open_scene::{OpenScene, path_settings};
 use super::options::Options;
+use super::preview::{COST, LAST_SCALE, MAX_SCALE, settings};
 use super::work::{Renderer, first_look, prepared};
-use super::young::{COARSEST, COST, HALF, settings};
 use opsr::image::film::Window;
 use opsr::integrator::{Picture, Recorded, Stop, View};
 use opsr::math::UVec2;
@@ -21,7 +21,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Edge of a pixel in pixels of the frame, and samples, of the frames of each round after the first.
-const ROUNDS: [(u32, u32); 3] = [(HALF, 4), (1, 8), (1, 32)];
+const ROUNDS: [(u32, u32); 3] = [(LAST_SCALE, 4), (1, 8), (1, 32)];
 
 /// Samples of the first frames, and seconds that one may take.
 const FIRST_SAMPLES: u32 = 2;
@@ -32,12 +32,12 @@ const COMMAND: &str = "command";
 
 /// The scene of the last frame with the hits at its pixels' centres, and frames that wait for their neighbours.
 #[derive(Default)]
-struct Reel {
+struct FrameBuffer {
     last: Option<(Opened, Vec<Option<Hit>>)>,
     sequence: Sequence,
 }
 
-impl Reel {
+impl FrameBuffer {
     /// The scene at the moment of a spec; the scene of the last frame if only cameras have moved since.
     fn open(&mut self, spec: &Spec, path: &Path) -> Result<Opened, Fault> {
         if let Some((opened, _)) = &mut self.last
@@ -78,15 +78,15 @@ impl Renderer<'_> {
                 let in_studio = open_scene.opened.in_studio;
                 state.film = Some(Film::new(state.run, key, (count, rate), frame, in_studio));
             }
-            state.courses = Default::default();
+            state.progress = Default::default();
             (state.fault, state.missing, state.flip) = (None, None, None);
             state.phase = "playing";
             // Files show a moment at rest: pages that wait for one get none.
             state.saves.clear();
-            state.words_number += 1;
+            state.status_version += 1;
             state.film.as_ref().map_or(1, |film| film.scale)
         });
-        let mut reel = Reel::default();
+        let mut buf = FrameBuffer::default();
         let mut took = 0.0;
         let first = self.first_scale(frame).max(least);
         // The next frame is the first that the clock has not reached by the time at which it is ready.
@@ -95,11 +95,11 @@ impl Renderer<'_> {
             film.first_missing(now + took)
         }) {
             let clock = Instant::now();
-            let made = self.frame(options, &mut reel, (number, rate), (first, FIRST_SAMPLES))?;
+            let made = self.frame(options, &mut buf, (number, rate), (first, FIRST_SAMPLES))?;
             let Some((opened, frame)) = made else {
                 return Ok(());
             };
-            reel.last = Some((opened, Vec::new()));
+            buf.last = Some((opened, Vec::new()));
             self.keep(&frame, frame.picture.clone(), 0, FIRST_SAMPLES);
             took = clock.elapsed().as_secs_f64();
         }
@@ -107,22 +107,22 @@ impl Renderer<'_> {
             let Some(from) = self.film(|film| film.first_before(round)) else {
                 continue;
             };
-            let mut reel = Reel::default();
+            let mut buf = FrameBuffer::default();
             for number in from..count {
                 let how = (scale.max(least), samples);
-                let Some((opened, frame)) = self.frame(options, &mut reel, (number, rate), how)?
+                let Some((opened, frame)) = self.frame(options, &mut buf, (number, rate), how)?
                 else {
                     return Ok(());
                 };
-                if let Some((frame, averaged)) = reel.push(opened, frame) {
+                if let Some((frame, averaged)) = buf.push(opened, frame) {
                     self.keep(frame, averaged.picture, round, samples);
                 }
             }
-            while let Some((frame, averaged)) = reel.sequence.average_next() {
+            while let Some((frame, averaged)) = buf.sequence.average_next() {
                 self.keep(frame, averaged.picture, round, samples);
             }
         }
-        while !hub.disturbed.load(Ordering::Relaxed) {
+        while !hub.obsolete.load(Ordering::Relaxed) {
             let number = hub.lock().options_number;
             drop(hub.wait(Duration::from_secs(1), |state| {
                 state.options_number != number
@@ -138,15 +138,15 @@ impl Renderer<'_> {
 
     /// Edge of a pixel, in pixels of the frame, with which a frame takes at most about [`FIRST`] seconds.
     fn first_scale(&self, frame: UVec2) -> u32 {
-        let cost = self.young.cost.map_or(COST, |(_, cost)| cost);
+        let cost = self.previews.cost.map_or(COST, |(_, cost)| cost);
         let pixels = frame.as_dvec2().element_product();
         let quick = |scale: &u32| cost * pixels / f64::from(scale * scale) <= FIRST;
-        (1..COARSEST).find(quick).unwrap_or(COARSEST)
+        (1..MAX_SCALE).find(quick).unwrap_or(MAX_SCALE)
     }
 
     /// Keeps the picture of a frame.
     fn keep(&self, frame: &Frame, picture: opsr::image::Buffer, round: usize, samples: u32) {
-        let still = Still {
+        let still = StoredFrame {
             picture,
             round,
             samples,
@@ -154,9 +154,9 @@ impl Renderer<'_> {
         };
         self.hub.change(|state| {
             if let Some(film) = &mut state.film {
-                film.keep(frame.number as usize, still);
+                film.store(frame.number as usize, still);
             }
-            state.words_number += 1;
+            state.status_version += 1;
         });
     }
 
@@ -165,7 +165,7 @@ impl Renderer<'_> {
     fn frame(
         &mut self,
         options: &Options,
-        reel: &mut Reel,
+        buf: &mut FrameBuffer,
         (number, rate): (usize, f64),
         (scale, samples): (u32, u32),
     ) -> Result<Option<(Opened, Frame)>, Fault> {
@@ -175,8 +175,8 @@ impl Renderer<'_> {
         // Equal noise in all frames would not average out.
         spec.seed = Some(spec.seed.unwrap_or_default().wrapping_add(number as u64));
         let file = &options.file;
-        let opened = reel.open(&spec, &file.path);
-        let opened = opened.map_err(|fault| file.said(fault))?;
+        let opened = buf.open(&spec, &file.path);
+        let opened = opened.map_err(|fault| file.redacted(fault))?;
         let subject = Subject {
             scene: &opened.scene,
             name: &file.name,
@@ -193,7 +193,7 @@ impl Renderer<'_> {
         let settings = settings(&request, &path_settings(&request.settings));
         let size = (request.frame / scale).max(UVec2::ONE);
         let window = Window::full(size);
-        let stop = Stop::when(&hub.disturbed);
+        let stop = Stop::when(&hub.obsolete);
         let view = View::new(&opened.scene, &request.camera, size, window);
         let recorded = Recorded {
             first: denoiser.is_some(),
@@ -204,7 +204,7 @@ impl Renderer<'_> {
         let added = settings
             .integrator()
             .pass(&view.until(&stop), 0..samples, &mut picture);
-        if added < samples || hub.disturbed.load(Ordering::Relaxed) {
+        if added < samples || hub.obsolete.load(Ordering::Relaxed) {
             return Ok(None);
         }
         let shown = Shown::of(&picture, &request.spec, denoiser.as_ref())?;

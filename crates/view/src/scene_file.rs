@@ -8,12 +8,12 @@ use std::sync::{Mutex, PoisonError};
 use tempfile::TempDir;
 
 /// Maximum bytes of the files of one drop, and maximum number of files.
-pub(super) const MOST_BYTES: usize = 1 << 28;
-const MOST_FILES: usize = 1024;
+pub(super) const MAX_BYTES: usize = 1 << 28;
+const MAX_FILES: usize = 1024;
 
 /// Maximum bytes of a name, and maximum number of its folders, the file counted as one.
-const MOST_NAME: usize = 512;
-const MOST_FOLDERS: usize = 16;
+const MAX_NAME: usize = 512;
+const MAX_FOLDERS: usize = 16;
 
 /// The file of a scene.
 #[derive(Debug)]
@@ -46,7 +46,7 @@ impl SceneFile {
     }
 
     /// A fault whose message leaves out the temporary folder of dropped files.
-    pub(super) fn said(&self, fault: Fault) -> Fault {
+    pub(super) fn redacted(&self, fault: Fault) -> Fault {
         let Some(folder) = &self.folder else {
             return fault;
         };
@@ -86,8 +86,8 @@ impl Dropped {
             .ok_or_else(|| wrong("no list of files"))?;
         let parts: Vec<Part> =
             serde_json::from_slice(list).map_err(|e| wrong(&format!("no list of files: {e}")))?;
-        if parts.len() > MOST_FILES {
-            return Err(wrong(&format!("more than {MOST_FILES}")));
+        if parts.len() > MAX_FILES {
+            return Err(wrong(&format!("more than {MAX_FILES}")));
         }
         let paths: Option<Vec<PathBuf>> = parts.iter().map(|part| path_of(&part.name)).collect();
         let paths = paths.ok_or_else(|| wrong("a name leads out of their folder"))?;
@@ -168,7 +168,7 @@ fn path_of(name: &str) -> Option<PathBuf> {
         !part.is_empty() && *part != "." && *part != ".." && !part.contains(['\\', ':', '\0'])
     };
     let normal = |part: Component<'_>| matches!(part, Component::Normal(_));
-    let short = name.len() <= MOST_NAME && parts.len() <= MOST_FOLDERS;
+    let short = name.len() <= MAX_NAME && parts.len() <= MAX_FOLDERS;
     (short && parts.iter().all(plain) && path.components().all(normal)).then_some(path)
 }
 

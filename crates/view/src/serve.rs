@@ -11,7 +11,7 @@ use super::open_scene::{OpenScene, Viewpoint};
 use super::options::{CONTROLS, Message, Overlay};
 use super::paint::painted_picture;
 use super::save;
-use super::scene_file::{Dropped, MOST_BYTES};
+use super::scene_file::{Dropped, MAX_BYTES};
 use opsr::image::denoise::Denoiser;
 use opsr::math::{UVec2, Vec3};
 use opsr::render::look::Look;
@@ -154,7 +154,7 @@ impl Server {
             ("POST", "open") => {
                 let busy = || End::Refused(Answer::text(503, "another file is being opened"));
                 let _alone = self.opening.try_lock().map_err(|_| busy())?;
-                connection.body(&mut request, MOST_BYTES)?;
+                connection.body(&mut request, MAX_BYTES)?;
                 self.open(&mut request)
             }
             _ => {
@@ -245,7 +245,7 @@ impl Server {
                 }
             }
             name => {
-                let kept = self.hub.keep();
+                let kept = self.hub.request_film();
                 let kept = kept.ok_or_else(|| Answer::text(503, "there is no picture yet"))?;
                 let bytes = save::encoded(kept, name).map_err(|fault| refusal(&fault))?;
                 let kind = if name.ends_with("png") {
@@ -453,12 +453,12 @@ impl Server {
     /// The newest frame and words, once one of them is newer than what the client has.
     fn poll(&self, frame: u64, words: u64) -> Answer {
         let (state, crowded) =
-            self.wait(|state| state.frame_number != frame || state.words_number != words);
+            self.wait(|state| state.frame_number != frame || state.status_version != words);
         let new = state.frame.clone().filter(|_| state.frame_number != frame);
         let mut head = json!({
             "frame": state.frame_number,
-            "words": state.words_number,
-            "state": state.words(),
+            "words": state.status_version,
+            "state": state.status_json(),
             "crowded": crowded,
         });
         drop(state);

@@ -1,10 +1,10 @@
 //! The render thread: opens the scene, shows previews, and refines the whole frame until a page changes its options.
 
 use super::finish::{Job, Slot};
-use super::hub::{Course, Hub, State};
+use super::hub::{Hub, Progress, State};
 use super::open_scene::{OpenScene, Viewpoint};
 use super::options::{Options, Overlay, leave_out};
-use super::young::{HALF, Young};
+use super::preview::{LAST_SCALE, Previews};
 use opsr::integrator::{Integrator, Picture, Stop};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::render::look::{CameraChoice, Look};
@@ -25,23 +25,23 @@ const PASS: [f64; 2] = [0.25, 1.0];
 
 /// Maximum samples of a pass, and of a render without a number of samples.
 const MAX_PASS: u32 = 16;
-const ENOUGH: u32 = 1 << 16;
+const MAX_SAMPLES: u32 = 1 << 16;
 
-/// Share of all threads' time that finishing films may take: in the first [`YOUNG`] seconds of a render, and later.
+/// Share of all threads' time that finishing films may take: in the first [`EARLY_SECONDS`] seconds of a render, and later.
 const FINISHING: [f64; 2] = [0.25, 0.1];
-const YOUNG: f64 = 10.0;
+const EARLY_SECONDS: f64 = 10.0;
 
 /// Maximum wait for new options after an error.
-const LONG: Duration = Duration::from_secs(3600);
+const ERROR_WAIT: Duration = Duration::from_secs(3600);
 
 /// Minimum seconds between two finished pictures.
-const OFTEN: f64 = 0.2;
+const MIN_FINISH_INTERVAL: f64 = 0.2;
 
 /// The renderer of a viewer.
 pub(super) struct Renderer<'a> {
     pub(super) hub: &'a Hub,
     pub(super) slot: &'a Slot,
-    pub(super) young: Young,
+    pub(super) previews: Previews,
     /// Choices of pilots by scene and method, which other cameras share.
     pub(super) choices: HashMap<String, usize>,
 }
@@ -68,13 +68,13 @@ impl Renderer<'_> {
         let hub = self.hub;
         while !hub.ended() {
             let (options, number) = hub.change(|state| {
-                hub.disturbed.store(hub.ended(), Ordering::Relaxed);
+                hub.obsolete.store(hub.ended(), Ordering::Relaxed);
                 (state.options.clone(), state.options_number)
             });
             if let Err(fault) = self.fulfil(&options) {
                 tracing_line(&fault);
                 hub.fail(&fault);
-                drop(hub.wait(LONG, |state| state.options_number != number));
+                drop(hub.wait(ERROR_WAIT, |state| state.options_number != number));
             }
         }
     }
@@ -108,7 +108,7 @@ impl Renderer<'_> {
         let viewpoint = Arc::new(viewpoint);
         let run = hub.change(|state| {
             state.run += 1;
-            state.courses = Default::default();
+            state.progress = Default::default();
             // Drops frames that other options made.
             (state.film).take_if(|film| film.key != state.options.film_key());
             // Newer options have a camera of their own.
@@ -120,10 +120,10 @@ impl Renderer<'_> {
             state.phase = "preview";
             state.integrator = word(&request.kind);
             state.command = request.command();
-            state.words_number += 1;
+            state.status_version += 1;
             state.run
         });
-        if !self.young.show(hub, &request, &viewpoint, run, None)? {
+        if !self.previews.show(hub, &request, &viewpoint, run, None)? {
             return Ok(());
         }
         let other = match options.other_spec()? {
@@ -145,7 +145,7 @@ impl Renderer<'_> {
         }
         self.hub.change(|state| {
             state.phase = "loading";
-            state.words_number += 1;
+            state.status_version += 1;
         });
         let open_scene = Arc::new(OpenScene::of(options)?);
         self.hub
@@ -169,11 +169,15 @@ impl Renderer<'_> {
         };
         let chosen = &runs[0].request;
         let is_new = chosen.settings.estimator != advised;
-        if is_new && !self.young.show(hub, chosen, viewpoint, run, Some(HALF))? {
+        if is_new
+            && !self
+                .previews
+                .show(hub, chosen, viewpoint, run, Some(LAST_SCALE))?
+        {
             return Ok(());
         }
         let mut showing = showing(&hub.lock());
-        while !hub.disturbed.load(Ordering::Relaxed) {
+        while !hub.obsolete.load(Ordering::Relaxed) {
             if runs[0].samples > 0 {
                 self.save(&runs[0]);
             }
@@ -205,13 +209,13 @@ impl Renderer<'_> {
                 continue;
             }
             hub.change(|state| {
-                let Course {
+                let Progress {
                     samples, seconds, ..
-                } = &mut state.courses[side];
+                } = &mut state.progress[side];
                 (*samples, *seconds) = (runs[side].samples, runs[side].seconds);
                 state.phase = "rendering";
                 // Pages show the count of every pass.
-                state.words_number += 1;
+                state.status_version += 1;
             });
             self.offer(&mut runs[side], side, viewpoint, run, false);
         }
@@ -234,9 +238,9 @@ impl Renderer<'_> {
         for mut request in [Some(request), other].into_iter().flatten() {
             hub.change(|state| {
                 state.phase = "rendering";
-                state.words_number += 1;
+                state.status_version += 1;
             });
-            let go_on = || !hub.disturbed.load(Ordering::Relaxed);
+            let go_on = || !hub.obsolete.load(Ordering::Relaxed);
             let Some(begun) = request.begin(&go_on)? else {
                 return Ok(None);
             };
@@ -248,7 +252,7 @@ impl Renderer<'_> {
                     state.integrator = word(&request.kind);
                     state.command = request.command();
                 }
-                state.words_number += 1;
+                state.status_version += 1;
             });
             runs.push(Run::new(request, begun.picture, over.clone()));
         }
@@ -271,7 +275,7 @@ impl Renderer<'_> {
         let number = self.hub.change(|state| {
             if state.phase != phase {
                 state.phase = phase;
-                state.words_number += 1;
+                state.status_version += 1;
             }
             state.options_number
         });
@@ -295,12 +299,12 @@ impl Renderer<'_> {
             return;
         };
         let threads = rayon::current_num_threads() as f64;
-        let share = FINISHING[usize::from(run.seconds > YOUNG)];
-        let every = (cost / (threads * share)).max(OFTEN);
+        let share = FINISHING[usize::from(run.seconds > EARLY_SECONDS)];
+        let every = (cost / (threads * share)).max(MIN_FINISH_INTERVAL);
         let due = run
             .offered
             .is_none_or(|at| at.elapsed().as_secs_f64() >= every);
-        let wanted = !self.hub.disturbed.load(Ordering::Relaxed);
+        let wanted = !self.hub.obsolete.load(Ordering::Relaxed);
         // The last preview has less error than one sample of the whole frame.
         let old_enough = run.samples > 1 && due;
         if run.shown == run.samples || !(old_enough || last) || !wanted {
@@ -357,8 +361,8 @@ impl<'a> Run<'a> {
 
     /// Adds a pass; false if it added no sample.
     fn step(&mut self, hub: &Hub) -> bool {
-        let stop = Stop::when(&hub.disturbed);
-        let most = self.request.spec.spp.unwrap_or(ENOUGH);
+        let stop = Stop::when(&hub.obsolete);
+        let most = self.request.spec.spp.unwrap_or(MAX_SAMPLES);
         let end = (self.samples + self.length).min(most);
         let clock = Instant::now();
         let view = self.request.view();
@@ -377,7 +381,7 @@ impl<'a> Run<'a> {
     /// True if the render has reached the samples, the time or the error of its options.
     fn done(&self, stated: Option<f64>) -> bool {
         let spec = &self.request.spec;
-        let enough = self.samples >= spec.spp.unwrap_or(ENOUGH);
+        let enough = self.samples >= spec.spp.unwrap_or(MAX_SAMPLES);
         let late = spec
             .time
             .is_some_and(|time| self.seconds >= time.as_secs_f64());

@@ -20,7 +20,7 @@ use opsr_train::config::{Config, Preset};
 use opsr_train::learn::outer_loop::Outcome;
 use opsr_train::learn::recordings::recordings_in;
 use opsr_train::record::crop::DatasetError;
-use opsr_train::record::visits::LIVE;
+use opsr_train::record::visits::LIVE_CLASSES;
 use opsr_train::{RecordingControl, Session, TrainError, score};
 use settings::SettingArgs;
 use std::ops::ControlFlow;
@@ -207,7 +207,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     };
     progress.recorded();
     progress.say(&format!(
-        "recorded in {:.1} s, {:.0} MB, {} of {LIVE} live classes visited",
+        "recorded in {:.1} s, {:.0} MB, {} of {LIVE_CLASSES} live classes visited",
         session.seconds,
         session.training.bytes() as f64 / 1e6,
         session.training.visits().live_with(1)

@@ -85,14 +85,14 @@ fn figure(picture: &Buffer, caption: &str) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use opsr_train::record::visits::LIVE;
+    use opsr_train::record::visits::LIVE_CLASSES;
     use std::collections::BTreeSet;
 
     #[test]
     fn every_live_class_has_a_cell_of_its_own() {
         let all = || (0..LEN).filter_map(|i| GammaIndex::new(i).and_then(cell));
         let cells: BTreeSet<_> = all().collect();
-        assert_eq!(all().count(), LIVE);
+        assert_eq!(all().count(), LIVE_CLASSES);
         assert_eq!(cells.len(), all().count());
         assert!(cells.iter().all(|&(x, y)| x < COLUMNS && y < ROWS));
         // An empty row after each block but the last.

@@ -10,7 +10,7 @@ use opsr::regularise::{AttenuationTable, Lookup};
 use opsr_train::config::ConfigError;
 use opsr_train::learn::crop_set::CropSet;
 use opsr_train::learn::loss::CropLoss;
-use opsr_train::record::visits::{LIVE, Visits};
+use opsr_train::record::visits::{LIVE_CLASSES, Visits};
 use opsr_train::score::Score;
 use opsr_train::{Config, Session};
 use serde::Serialize;
@@ -146,7 +146,7 @@ impl Report {
                 (self.validation_names.len()) " crops for validation, for renders of " (self.config.spp)
                 " samples per pixel. Recording took " (format!("{:.1}", self.recording_seconds)) " s and "
                 (self.bytes / 1_000_000) " MB. The " (events) " events visit " (visits.live_with(1)) " of "
-                (LIVE) " live classes, " (visits.live_with(100)) " of them at least 100 times."
+                (LIVE_CLASSES) " live classes, " (visits.live_with(100)) " of them at least 100 times."
             }
             (legend())
             (factors::events(&self.visits))

@@ -144,8 +144,8 @@ pub fn exposures(reference: &Buffer) -> Result<Exposures, MetricError> {
 
 /// Exponent of the colour difference, and the knee above which large differences are compressed. [FLIP20 §4.1.5]
 const COLOUR_EXPONENT: f64 = 0.7;
-const BEND_AT: f64 = 0.4;
-const BEND_TO: f64 = 0.95;
+const KNEE: f64 = 0.4;
+const KNEE_VALUE: f64 = 0.95;
 /// Exponent of the feature difference. [FLIP20 §4.2.2]
 const FEATURE_EXPONENT: f64 = 0.5;
 
@@ -164,15 +164,15 @@ fn difference(test: Vec<DVec3>, reference: Vec<DVec3>, size: (usize, usize), ppd
     );
     let largest =
         colour::hyab(colour::hunt_lab(DVec3::Y), colour::hunt_lab(DVec3::Z)).powf(COLOUR_EXPONENT);
-    let bend = BEND_AT * largest;
+    let bend = KNEE * largest;
     (0..test.lab.len())
         .into_par_iter()
         .map(|i| {
             let d = colour::hyab(test.lab[i], reference.lab[i]).powf(COLOUR_EXPONENT);
             let colour = if d < bend {
-                BEND_TO / bend * d
+                KNEE_VALUE / bend * d
             } else {
-                BEND_TO + (d - bend) / (largest - bend) * (1.0 - BEND_TO)
+                KNEE_VALUE + (d - bend) / (largest - bend) * (1.0 - KNEE_VALUE)
             };
             let edge = (test.edges.values[i] - reference.edges.values[i]).abs();
             let point = (test.points.values[i] - reference.points.values[i]).abs();

@@ -7,7 +7,7 @@
 //! The prior is added to the loss. Most factors hardly change the loss, and without the prior they would fit the noise
 //! of a recording. In classes that carry much light, the loss outweighs the prior.
 
-use crate::record::visits::{LIVE, Visits};
+use crate::record::visits::{LIVE_CLASSES, Visits};
 use opsr::regularise::{GammaIndex, LEN};
 
 /// The prior of the classes that a recording visits.
@@ -33,7 +33,7 @@ impl Prior {
                     .collect(),
                 false => Vec::new(),
             },
-            weight: strength / LIVE as f64,
+            weight: strength / LIVE_CLASSES as f64,
         }
     }
 

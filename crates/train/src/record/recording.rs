@@ -65,9 +65,9 @@ pub struct Tape {
     drawn_ends: Vec<usize>,
     /// Code of the current path before the current vertex, and before the previous one.
     before: Option<u32>,
-    left: Option<u32>,
+    before_previous: Option<u32>,
     /// Roughness and code of the current vertex.
-    here: Option<(f32, u32)>,
+    vertex: Option<(f32, u32)>,
     /// Index of the current pixel.
     current: usize,
     /// Index of the current path's first event.
@@ -138,8 +138,8 @@ impl Tape {
             drawn_at: Vec::new(),
             drawn_ends: Vec::new(),
             before: None,
-            left: None,
-            here: None,
+            before_previous: None,
+            vertex: None,
             current: 0,
             first: 0,
             roulette: None,
@@ -156,11 +156,11 @@ impl Tape {
     /// Code of the current path up to the current vertex, which has roughness `alpha`.
     #[inline]
     fn code(&mut self, alpha: f32) -> u32 {
-        match self.here {
+        match self.vertex {
             Some((known, code)) if known == alpha => code,
             _ => {
                 let code = self.intern(self.before, alpha);
-                self.here = Some((alpha, code));
+                self.vertex = Some((alpha, code));
                 code
             }
         }
@@ -228,7 +228,7 @@ impl PathObserver for Tape {
             .map(|drawn| drawn.1.stream(pixel, sample));
         let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
         self.current = y as usize * self.window.w as usize + x as usize;
-        (self.before, self.left, self.here) = (None, None, None);
+        (self.before, self.before_previous, self.vertex) = (None, None, None);
         self.first = self.events.len();
         self.counted = Rgb::ZERO;
     }
@@ -236,7 +236,7 @@ impl PathObserver for Tape {
     fn event(&mut self, event: &Event) {
         let code = match event.technique {
             // Reported at the end of the ray, when the path has left the vertex.
-            Technique::Continuation => self.intern(self.left, event.alpha),
+            Technique::Continuation => self.intern(self.before_previous, event.alpha),
             _ => self.code(event.alpha),
         };
         if self.record(event, code) {
@@ -264,9 +264,9 @@ impl PathObserver for Tape {
     }
 
     fn scattered(&mut self, alpha: f32) {
-        self.left = self.before;
+        self.before_previous = self.before;
         self.before = Some(self.code(alpha));
-        self.here = None;
+        self.vertex = None;
     }
 
     fn finish(&mut self, radiance: Rgb) {

@@ -4,7 +4,7 @@ use crate::record::recording::Recording;
 use opsr::regularise::{AttenuationTable, BINS, GammaIndex, LEN};
 
 /// Number of live classes, whose last vertex is below the top bin. Roughening hardly changes lobes of the top bin.
-pub const LIVE: usize = LEN / 4 * 3;
+pub const LIVE_CLASSES: usize = LEN / 4 * 3;
 
 /// Events per class.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 use super::*;
 use opsr::math::Rgb;
 
-fn still(light: f32) -> Still {
-    Still {
+fn still(light: f32) -> StoredFrame {
+    StoredFrame {
         picture: Buffer::filled(2, 2, Rgb::splat(light)),
         round: 0,
         samples: 2,
@@ -22,7 +22,7 @@ fn frames_of_long_films_are_smaller() {
         [1, 12, 48, 49].map(|count| (count, 24.0))
     );
     assert_eq!(pace(200.0), (2400, 12.0));
-    assert!(pace(1e9).0 <= MOST_FRAMES as usize && pace(1e9).1 > 0.0);
+    assert!(pace(1e9).0 <= MAX_FRAMES as usize && pace(1e9).1 > 0.0);
     assert_eq!(seconds(Moment::Seconds(0.5)), 0.5);
     assert_eq!(seconds(Moment::Frame(10.0, 20.0)), 0.5);
     let frame = UVec2::new(640, 480);
@@ -30,7 +30,7 @@ fn frames_of_long_films_are_smaller() {
         let film = film(seconds, frame);
         assert_eq!(film.scale, scale, "{seconds}");
         let pixels = (frame / scale).as_dvec2().element_product();
-        assert!(BYTES_OF_PIXEL * pixels * film.len() as f64 <= MOST_BYTES);
+        assert!(BYTES_OF_PIXEL * pixels * film.len() as f64 <= MAX_BYTES);
     }
 }
 
@@ -41,7 +41,7 @@ fn missing_frames_come_in_the_order_of_the_clock() {
     let mut order = Vec::new();
     let mut from = 2.5;
     while let Some(number) = film.first_missing(from / RATE) {
-        film.keep(number, still(1.0));
+        film.store(number, still(1.0));
         order.push(number);
         from = number as f64 + 1.5;
     }
@@ -50,7 +50,7 @@ fn missing_frames_come_in_the_order_of_the_clock() {
         (film.first_before(0), film.first_before(1)),
         (None, Some(0))
     );
-    film.keep(5, still(2.0));
+    film.store(5, still(2.0));
     let (mut change, mut given) = (0, Vec::new());
     while let Some((number, frame, _)) = film.after(change) {
         assert!(number > change && film.is_newer(change));

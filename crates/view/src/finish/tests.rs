@@ -38,7 +38,7 @@ fn job(amounts: Amounts, samples: u32) -> Job {
     }
 }
 
-const ALONE: Against = Against {
+const ALONE: Comparison = Comparison {
     picture: None,
     reference: None,
     shown: false,

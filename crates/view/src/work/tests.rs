@@ -1,7 +1,7 @@
 use super::*;
 use crate::finish::Slot;
+use crate::preview::settings;
 use crate::scene_file::SceneFile;
-use crate::young::settings;
 use opsr::integrator::{Estimator, Recorded};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -37,7 +37,7 @@ fn with(
     let mut renderer = Renderer {
         hub: &hub,
         slot: &Slot::default(),
-        young: Young::default(),
+        previews: Previews::default(),
         choices: HashMap::new(),
     };
     then(&mut renderer, request, &Arc::new(viewpoint));
@@ -58,12 +58,12 @@ fn young_pictures_are_resolved() {
             let settings = settings(&request, &viewpoint.settings);
             let is_path = settings.estimator == Estimator::default();
             assert_eq!(is_path, method == "path", "{choices:?}");
-            renderer.young.cost = Some((settings.estimator, 1.0));
+            renderer.previews.cost = Some((settings.estimator, 1.0));
             let all = renderer
-                .young
+                .previews
                 .show(renderer.hub, &request, viewpoint, 0, None);
             assert!(all.expect("pictures"));
-            let size = FRAME / HALF;
+            let size = FRAME / LAST_SCALE;
             let view = viewpoint.view(size);
             let blank = Picture::blank(size, view.window, &settings.amounts, Recorded::default());
             let mut expected = blank.expect("a film");
@@ -84,17 +84,17 @@ fn pictures_of_fewer_pixels_are_few_where_frames_are_fast() {
         &[("integrator", json!("path"))],
         |renderer, request, viewpoint| {
             let mut size_after = |cost: f64, coarsest| {
-                renderer.young.cost = Some((Estimator::default(), cost));
+                renderer.previews.cost = Some((Estimator::default(), cost));
                 renderer.hub.change(|state| state.shown = None);
                 let all = renderer
-                    .young
+                    .previews
                     .show(renderer.hub, &request, viewpoint, 0, coarsest);
                 assert!(all.expect("pictures"));
                 renderer.hub.lock().shown.clone().map(|shown| shown.size)
             };
             assert_eq!(size_after(1e-12, None), Some(FRAME));
-            assert_eq!(size_after(1e-12, Some(HALF)), None);
-            assert_eq!(size_after(1.0, Some(HALF)), Some(FRAME / HALF));
+            assert_eq!(size_after(1e-12, Some(LAST_SCALE)), None);
+            assert_eq!(size_after(1.0, Some(LAST_SCALE)), Some(FRAME / LAST_SCALE));
         },
     );
 }

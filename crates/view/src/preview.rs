@@ -1,4 +1,4 @@
-//! Previews: pictures of fewer pixels than the frame, while a render is young or the camera turns. A few samples,
+//! Previews: pictures of fewer pixels than the frame, while a render begins or the camera turns. A few samples,
 //! resolved, have less error than one sample of the whole frame, which takes as long.
 
 use super::finish::Maps;
@@ -14,26 +14,26 @@ use std::time::Instant;
 
 /// Seconds that the first preview after a change may take, and of a whole frame that needs no preview before it.
 const FIRST: f64 = 0.05;
-const WHOLE: f64 = 0.25;
+const FAST_FRAME_SECONDS: f64 = 0.25;
 
 /// Edge of a preview's pixel in pixels of the frame: at most, and in the last preview.
-pub(super) const COARSEST: u32 = 16;
-pub(super) const HALF: u32 = 2;
+pub(super) const MAX_SCALE: u32 = 16;
+pub(super) const LAST_SCALE: u32 = 2;
 
 /// Samples after which a preview is shown: the first number for every preview, the others for the last one as well.
-const SHOWN_AT: [u32; 3] = [2, 4, 8];
+const PREVIEW_SAMPLES: [u32; 3] = [2, 4, 8];
 
 /// Seconds per pixel of a preview before one is measured.
 pub(super) const COST: f64 = 8e-6;
 
 /// Previews, and their measured cost.
 #[derive(Default)]
-pub(super) struct Young {
+pub(super) struct Previews {
     /// Estimator of the last previews, and its seconds per pixel.
     pub(super) cost: Option<(Estimator, f64)>,
 }
 
-impl Young {
+impl Previews {
     /// Shows previews, each of about four times the work of the one before, until whole frames are fast enough.
     ///
     /// `coarsest` is the edge of a pixel of the first preview; without it the first preview takes about [`FIRST`] and
@@ -51,13 +51,13 @@ impl Young {
         let mut cost = known.map_or(COST, |(_, cost)| cost);
         let mut first = coarsest.is_none();
         let pixels = viewpoint.frame.as_dvec2().element_product();
-        let least = || (1..COARSEST).find(|s| cost * pixels / f64::from(s * s) <= FIRST);
-        let mut scale = coarsest.unwrap_or_else(|| least().unwrap_or(COARSEST));
+        let least = || (1..MAX_SCALE).find(|s| cost * pixels / f64::from(s * s) <= FIRST);
+        let mut scale = coarsest.unwrap_or_else(|| least().unwrap_or(MAX_SCALE));
         let denoiser = request.spec.denoiser()?;
         let clock = Instant::now();
-        while first || scale > 1 && cost * pixels > WHOLE {
+        while first || scale > 1 && cost * pixels > FAST_FRAME_SECONDS {
             let size = (viewpoint.frame / scale).max(UVec2::ONE);
-            let stop = Stop::when(&hub.disturbed);
+            let stop = Stop::when(&hub.obsolete);
             let mut view = viewpoint.view(size);
             if !first {
                 view = view.until(&stop);
@@ -72,9 +72,9 @@ impl Young {
             let mut samples = 0;
             let ends = match coarsest {
                 // The preview of another method, with more samples, is shown already.
-                Some(_) => &SHOWN_AT[1..],
-                None if scale == HALF => &SHOWN_AT,
-                None => &SHOWN_AT[..1],
+                Some(_) => &PREVIEW_SAMPLES[1..],
+                None if scale == LAST_SCALE => &PREVIEW_SAMPLES,
+                None => &PREVIEW_SAMPLES[..1],
             };
             for &end in ends {
                 let pass = Instant::now();
@@ -83,7 +83,7 @@ impl Young {
                 }
                 let shown = Shown::of(&picture, &request.spec, denoiser.as_ref())?;
                 if samples == 0 {
-                    let passes = f64::from(end / SHOWN_AT[0]);
+                    let passes = f64::from(end / PREVIEW_SAMPLES[0]);
                     let took = pass.elapsed().as_secs_f64() / (passes * view.window.len() as f64);
                     // Decreases slowly, since a part of the scene may be empty and fast.
                     cost = took.max(0.8 * cost);
@@ -93,7 +93,7 @@ impl Young {
                 let seconds = clock.elapsed().as_secs_f64();
                 let snapshot = preview(viewpoint, run, seconds, size, shown.picture);
                 hub.show(0, snapshot);
-                if hub.disturbed.load(Ordering::Relaxed) {
+                if hub.obsolete.load(Ordering::Relaxed) {
                     return Ok(false);
                 }
             }
