@@ -7,7 +7,7 @@ use opsr::scene::load::error::{Result, fault};
 
 /// Least and most segments of a span of a curve, and the angle in radians per segment.
 const PIECES: [f32; 2] = [2.0, 24.0];
-const BEND: f32 = 0.15;
+const MAX_BEND: f32 = 0.15;
 
 /// Points of a spline, each with its parameter along the curve from 0 to 1. `basis` is `bezier` or `bspline`, of degree
 /// 2 or 3. `None` if the number of control points does not fit `[PBRT4 §6.7]`.
@@ -42,7 +42,7 @@ pub(super) fn spline(points: &[Vec4], basis: &str, degree: usize) -> Option<Vec<
             let angle = a.truncate().angle_between(b.truncate());
             if angle.is_finite() { angle } else { 0.0 }
         });
-        let pieces = (bends.sum::<f32>() / BEND)
+        let pieces = (bends.sum::<f32>() / MAX_BEND)
             .ceil()
             .clamp(PIECES[0], PIECES[1]) as usize;
         out.extend((0..pieces).map(|i| at(span, i as f32 / pieces as f32)));

@@ -31,10 +31,10 @@ use std::io::Read;
 use std::path::Path;
 
 /// Most bytes of a decompressed file or stream.
-const MOST_BYTES: u64 = 1 << 32;
+const MAX_BYTES: u64 = 1 << 32;
 
 /// Most files that a scene may include.
-const MOST_INCLUDES: usize = 4096;
+const MAX_INCLUDES: usize = 4096;
 
 /// All formats of this crate, for [`LoadOptions::formats`].
 pub const FORMATS: Formats = Formats {
@@ -113,7 +113,7 @@ fn unpacked(bytes: &[u8], place: &str) -> Result<Vec<u8>> {
 /// All bytes of a stream, up to [`MOST_BYTES`].
 fn inflated(stream: impl Read, place: &str) -> Result<Vec<u8>> {
     let mut out = Vec::new();
-    let mut stream = stream.take(MOST_BYTES + 1);
+    let mut stream = stream.take(MAX_BYTES + 1);
     let mut piece = vec![0; 1 << 20];
     loop {
         let n = (stream.read(&mut piece))
@@ -122,10 +122,10 @@ fn inflated(stream: impl Read, place: &str) -> Result<Vec<u8>> {
             return Ok(out);
         }
         out.extend_from_slice(&piece[..n]);
-        if out.len() as u64 > MOST_BYTES {
+        if out.len() as u64 > MAX_BYTES {
             return Err(fault(
                 place,
-                format!("more than {MOST_BYTES} bytes unpacked"),
+                format!("more than {MAX_BYTES} bytes unpacked"),
             ));
         }
         if out.len() % (256 << 20) < n {
@@ -139,7 +139,7 @@ type Member = (u32, u32, DAffine3);
 
 /// The use of a colour, which decides how a spectrum becomes RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Meant {
+enum Role {
     /// A surface, or an index of refraction.
     Reflected,
     /// A lamp.
@@ -148,13 +148,13 @@ enum Meant {
 
 /// A material that is read once, with the part of it that depends on the mesh.
 #[derive(Clone)]
-struct Look {
+struct ShapeMaterial {
     material: Material,
     /// Heights of a bump map: the normal map depends on the mesh's texture coordinates.
     bump: Option<Paint>,
 }
 
-impl From<Material> for Look {
+impl From<Material> for ShapeMaterial {
     fn from(material: Material) -> Self {
         Self {
             material,
@@ -185,7 +185,7 @@ struct Context {
 type Shares = Vec<(f32, Material)>;
 
 /// True if a scene has any light. A file without light is shown as a model.
-fn shines(parts: &SceneParts) -> bool {
+fn has_light(parts: &SceneParts) -> bool {
     let shared = parts.shared.iter().map(|shared| &shared.mesh);
     let shines = |mesh: &Mesh| {
         let material = parts.materials.get(mesh.material as usize);
@@ -206,7 +206,7 @@ impl Context {
         self.fill_scene(&mut parts)?;
         Ok(Loaded {
             light: match parts.own_boundaries {
-                true if shines(&parts) => FileLight::Lamps,
+                true if has_light(&parts) => FileLight::Lamps,
                 true => FileLight::None,
                 false => FileLight::of(&parts),
             },
@@ -347,7 +347,7 @@ impl Context {
     /// Counts an include; fails at too many files or too deep nesting.
     fn include(&mut self, depth: usize, place: &str) -> Result<()> {
         self.includes += 1;
-        match depth > 32 || self.includes > MOST_INCLUDES {
+        match depth > 32 || self.includes > MAX_INCLUDES {
             true => Err(fault(place, "includes itself, or too many files")),
             false => Ok(()),
         }
@@ -395,11 +395,11 @@ impl Context {
         })
     }
 
-    /// Material and mesh of a shape with a look; shapes of one `key` share a material. Normal maps and bump maps need
+    /// Material and mesh of a shape; shapes of one `key` share a material. Normal maps and bump maps need
     /// tangents, which only a copy of the mesh has.
-    fn dressed(
+    fn shape_material(
         &mut self,
-        mut look: Look,
+        mut look: ShapeMaterial,
         mut key: String,
         mut mesh: u32,
         pose: &DAffine3,

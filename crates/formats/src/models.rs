@@ -1,6 +1,6 @@
 //! OBJ and PLY files as scenes of their own: models without lights or cameras.
 
-use super::{Context, Look, mtl, obj, ply};
+use super::{Context, ShapeMaterial, mtl, obj, ply};
 use crate::build::looks::{self, Paint};
 use crate::build::{Placed, face_normals_outwards};
 use glam::DAffine3;
@@ -26,7 +26,7 @@ pub(super) fn obj(context: &mut Context, bytes: Vec<u8>) -> Result<()> {
     let mut parts: Vec<(&str, Vec<[u32; 3]>)> = Vec::new();
     let mut known: HashMap<&str, usize> = HashMap::new();
     let starts = file
-        .looks
+        .materials
         .iter()
         .map(|(start, name)| (*start, name.as_str()));
     let runs: Vec<(usize, &str)> = [(0, "")].into_iter().chain(starts).collect();
@@ -53,11 +53,11 @@ pub(super) fn obj(context: &mut Context, bytes: Vec<u8>) -> Result<()> {
                 if !name.is_empty() {
                     context.approximate(name, "is no material of the file's: shown as grey");
                 }
-                clay()
+                default_material()
             }
         };
         let mesh = part(&file.mesh, &faces, name);
-        context.show(look, name, mesh)?;
+        context.add_mesh(look, name, mesh)?;
     }
     Ok(())
 }
@@ -69,11 +69,11 @@ pub(super) fn ply(context: &mut Context, bytes: Vec<u8>) -> Result<()> {
     if mesh.indices.is_empty() {
         return Err(fault("body", NO_FACES));
     }
-    context.show(clay(), "", mesh)
+    context.add_mesh(default_material(), "", mesh)
 }
 
 /// The default material: a grey diffuse surface.
-fn clay() -> Look {
+fn default_material() -> ShapeMaterial {
     looks::diffuse(Paint::from(0.8)).into()
 }
 
@@ -124,7 +124,7 @@ impl Context {
     }
 
     /// Adds a mesh to the model.
-    fn show(&mut self, mut look: Look, key: &str, mut mesh: Mesh) -> Result<()> {
+    fn add_mesh(&mut self, mut look: ShapeMaterial, key: &str, mut mesh: Mesh) -> Result<()> {
         face_normals_outwards(&mut mesh);
         if !mesh.colors.is_empty() {
             look.material.finish_mut().has_colors = true;
@@ -134,7 +134,7 @@ impl Context {
         }
         let pose = DAffine3::IDENTITY;
         let mesh = self.builder.mesh(mesh);
-        let (material, mesh) = self.dressed(look, key.to_owned(), mesh, &pose);
+        let (material, mesh) = self.shape_material(look, key.to_owned(), mesh, &pose);
         (self.builder.place(Placed {
             mesh,
             material,

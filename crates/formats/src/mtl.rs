@@ -2,7 +2,7 @@
 //! (`Pr`, `Pm`, `norm`) that later programs write.
 
 use super::images::Use;
-use super::{Context, Look};
+use super::{Context, ShapeMaterial};
 use crate::build::looks::{self, Paint};
 use glam::Affine2;
 use opsr::math::{Rgb, Vec2, luminance};
@@ -206,7 +206,7 @@ impl Context {
     }
 
     /// The material of an entry.
-    pub(super) fn of_entry(&mut self, name: &str, entry: &Entry) -> Result<Look> {
+    pub(super) fn of_entry(&mut self, name: &str, entry: &Entry) -> Result<ShapeMaterial> {
         self.name_unread(entry);
         let model = entry.number("illum")?.unwrap_or(2.0) as i32;
         let (kd, base) = self.colour(entry)?;
@@ -274,7 +274,7 @@ impl Context {
             self.holes(entry, opacity, &mut material)?;
         }
         let bump = self.map(entry, &["map_bump", "map_Bump", "bump"], false)?;
-        Ok(Look {
+        Ok(ShapeMaterial {
             material,
             bump: bump.map(|(map, height)| Paint {
                 factor: map.factor * height,

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::str::SplitWhitespace;
 
 /// Most vertices or triangles.
-const MOST: usize = 1 << 26;
+const MAX_ITEMS: usize = 1 << 26;
 
 /// The corner of a face: indices of position, texture coordinates and normal, from 1; 0 if absent.
 type Corner = [u32; 3];
@@ -20,7 +20,7 @@ pub(super) struct Obj {
     /// All faces. With `flip`, v of the texture coordinates grows downwards, as in images.
     pub(super) mesh: Mesh,
     /// First face of each run of one material, and the material's name.
-    pub(super) looks: Vec<(usize, String)>,
+    pub(super) materials: Vec<(usize, String)>,
     /// Names of material files, line by line; a line may contain several, separated by blanks.
     pub(super) libraries: Vec<String>,
 }
@@ -80,11 +80,11 @@ pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Obj> {
                     mesh.indices.push([face[0], pair[0], pair[1]]);
                 }
             }
-            Some("usemtl") => obj.looks.push((mesh.indices.len(), rest().to_owned())),
+            Some("usemtl") => obj.materials.push((mesh.indices.len(), rest().to_owned())),
             Some("mtllib") => obj.libraries.push(rest().to_owned()),
             _ => {}
         }
-        if corners.len().max(mesh.indices.len()).max(positions.len()) > MOST {
+        if corners.len().max(mesh.indices.len()).max(positions.len()) > MAX_ITEMS {
             return Err(bad("too many vertices or triangles"));
         }
     }

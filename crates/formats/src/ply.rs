@@ -7,7 +7,7 @@ use opsr::scene::Mesh;
 use opsr::scene::load::error::{Result, fault};
 
 /// Most elements of a kind.
-const MOST_ELEMENTS: usize = 1 << 26;
+const MAX_ELEMENTS: usize = 1 << 26;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Format {
@@ -115,7 +115,7 @@ pub(super) fn read(bytes: &[u8], place: &str) -> Result<Mesh> {
     let mut mesh = Mesh::default();
     for element in &elements {
         let least = element.properties.len().max(1);
-        if element.count > MOST_ELEMENTS || element.count.saturating_mul(least) > body.bytes.len() {
+        if element.count > MAX_ELEMENTS || element.count.saturating_mul(least) > body.bytes.len() {
             let what = format!(
                 "{} elements `{}` are more than the file holds",
                 element.count, element.name
@@ -279,7 +279,7 @@ fn faces(body: &mut Body<'_>, element: &Element, mesh: &mut Mesh) -> Result<()> 
         for pair in corners.get(1..).unwrap_or_default().windows(2) {
             mesh.indices.push([corners[0], pair[0], pair[1]]);
         }
-        if mesh.indices.len() > MOST_ELEMENTS {
+        if mesh.indices.len() > MAX_ELEMENTS {
             return Err(fault(body.place, "too many triangles"));
         }
     }

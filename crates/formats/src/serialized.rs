@@ -6,7 +6,7 @@ use opsr::scene::Mesh;
 use opsr::scene::load::error::{Result, fault};
 
 /// Most vertices or triangles.
-const MOST: u64 = 1 << 26;
+const MAX_ITEMS: u64 = 1 << 26;
 
 struct Body<'a> {
     bytes: &'a [u8],
@@ -72,7 +72,7 @@ fn mesh(body: &mut Body<'_>, named: bool) -> Result<Mesh> {
     let (double, has) = (flags & 0x2000 != 0, |flag: u32| flags & flag != 0);
     let vertices = u64::from_le_bytes(body.take()?);
     let triangles = u64::from_le_bytes(body.take()?);
-    if vertices.max(triangles) > MOST || vertices * 12 > body.bytes.len() as u64 {
+    if vertices.max(triangles) > MAX_ITEMS || vertices * 12 > body.bytes.len() as u64 {
         return Err(fault(
             body.place,
             "more vertices or triangles than it holds",

@@ -183,7 +183,7 @@ pub fn nothing() -> Material {
 }
 
 /// Most texels along a side of a texture that is computed from others.
-const MOST: u32 = 8192;
+const MAX_TEXELS: u32 = 8192;
 
 /// Texels along a side of a blended texture of [`Builder::fields`]: enough for slopes, if it is a bump map.
 const BLENDED: u32 = 64;
@@ -248,7 +248,7 @@ impl Builder {
         let source = |paint: Paint| Some(self.parts.textures[paint.map?.texture as usize].clone());
         let sources = paints.map(source);
         let all = || sources.iter().flatten();
-        let side = |of: fn(&Texture) -> u32| all().map(of).max().unwrap_or(1).min(MOST);
+        let side = |of: fn(&Texture) -> u32| all().map(of).max().unwrap_or(1).min(MAX_TEXELS);
         let at = |i: usize, uv: Vec2| match &sources[i] {
             Some(texture) => {
                 let [r, g, b, _] = texture.sample(uv);
@@ -286,7 +286,7 @@ impl Builder {
             return (most, map.texture);
         }
         let source = source.clone();
-        let size = [source.width.min(MOST), source.height.min(MOST)];
+        let size = [source.width.min(MAX_TEXELS), source.height.min(MAX_TEXELS)];
         let share = factor / most.max(f32::MIN_POSITIVE);
         let texture = self.baked(size, 1, |uv| {
             let [r, g, b, _] = source.sample(uv);
@@ -304,7 +304,7 @@ impl Builder {
     /// channels; the other channels are 1.
     pub fn roughness_map(&mut self, map: TextureRef, alpha: impl Fn(f32) -> f32) -> TextureRef {
         let source = self.parts.textures[map.texture as usize].clone();
-        let size = [source.width.min(MOST), source.height.min(MOST)];
+        let size = [source.width.min(MAX_TEXELS), source.height.min(MAX_TEXELS)];
         let texture = self.baked(size, 3, |uv| {
             let [r, g, b, _] = source.sample(uv);
             let root = alpha((r + g + b) / 3.0).max(0.0).sqrt();
@@ -343,7 +343,7 @@ impl Builder {
         };
         let size = |of: fn(&Texture) -> u32| {
             let other = base.as_ref().map_or(1, of);
-            of(&holes).max(other).min(MOST)
+            of(&holes).max(other).min(MAX_TEXELS)
         };
         let size = [size(|t| t.width), size(|t| t.height)];
         let texture = self.baked(size, 4, |uv| {
@@ -369,7 +369,7 @@ impl Builder {
     pub fn bump_map(&mut self, heights: Paint, step: [f32; 2]) -> Option<TextureRef> {
         let map = heights.map?;
         let source = self.parts.textures[map.texture as usize].clone();
-        let (w, h) = (source.width.min(MOST), source.height.min(MOST));
+        let (w, h) = (source.width.min(MAX_TEXELS), source.height.min(MAX_TEXELS));
         let height = |uv: Vec2| {
             let [r, g, b, _] = source.sample(uv);
             (Rgb::new(r, g, b) * heights.factor).element_sum() / 3.0

@@ -20,7 +20,7 @@ pub enum Projection {
 }
 
 /// Most rows of a resampled map.
-const MOST: usize = 4096;
+const MAX_ROWS: usize = 4096;
 
 /// Samples of each texel along a side.
 const SAMPLES: usize = 3;
@@ -33,7 +33,7 @@ pub fn resampled(
     factor: Rgb,
 ) -> Environment {
     // Twice the rows: a rotated map must not blur small suns.
-    let rows = (2 * map.height).clamp(64, MOST);
+    let rows = (2 * map.height).clamp(64, MAX_ROWS);
     let columns = 2 * rows;
     let back = to_world.inverse();
     let pixels = (0..rows * columns).into_par_iter().map(|i| {

@@ -16,7 +16,7 @@ use std::collections::HashMap;
 pub(super) const EXTENSION: &str = "KHR_draco_mesh_compression";
 
 /// Most points, and most faces, of a primitive.
-const MOST: u64 = 1 << 26;
+const MAX_VALUES: u64 = 1 << 26;
 
 /// Accessors that are already filled, each with the buffer view of its Draco stream.
 type Filled = HashMap<usize, u64>;
@@ -139,8 +139,8 @@ fn fill(
 fn decoded(source: &[u8], points: u64, corners: u64, attributes: u64, at: &str) -> Result<Mesh> {
     let twice = |n: u64| n.saturating_mul(2).saturating_add(1024);
     let (points, faces) = (twice(points), twice(corners / 3));
-    if points > MOST || faces > MOST {
-        return Err(fault(at, format!("more than {MOST} points or faces")));
+    if points > MAX_VALUES || faces > MAX_VALUES {
+        return Err(fault(at, format!("more than {MAX_VALUES} points or faces")));
     }
     // Four numbers per attribute, in the output and in the decoder, and tables of corners.
     let needed = points * 32 * (attributes + 1) + faces * 100;

@@ -10,7 +10,7 @@ use std::panic::catch_unwind;
 pub(super) const CODEC: ImageCodec = ImageCodec { size, texels };
 
 /// Most texels along a side.
-const MOST_SIDE: u32 = 1 << 15;
+const MAX_SIDE: u32 = 1 << 15;
 
 /// Bytes of a block of 4 × 4 texels in UASTC.
 const BLOCK: u64 = 16;
@@ -59,7 +59,7 @@ fn checked(bytes: &[u8]) -> std::result::Result<Vec<u8>, String> {
     let (width, height) = (word(bytes, 20), word(bytes, 24));
     let (depth, layers, faces) = (word(bytes, 28), word(bytes, 32), word(bytes, 36));
     let (levels, packed) = (word(bytes, 40), word(bytes, 44));
-    if width.max(height) > MOST_SIDE || width.min(height) == 0 {
+    if width.max(height) > MAX_SIDE || width.min(height) == 0 {
         return Err(format!("{width} x {height} texels"));
     }
     if depth != 0 || layers > 1 || faces != 1 || levels == 0 || levels > 32 {

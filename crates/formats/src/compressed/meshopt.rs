@@ -10,10 +10,10 @@ use serde_json::{Map, Value};
 use std::borrow::Cow;
 
 /// Most elements of a view.
-const MOST: u64 = 1 << 28;
+const MAX_ITEMS: u64 = 1 << 28;
 
 /// Most bytes of a vertex.
-const MOST_STRIDE: usize = 256;
+const MAX_STRIDE: usize = 256;
 
 /// Elements in a group of deltas.
 const GROUP: usize = 16;
@@ -53,7 +53,7 @@ fn decoded(packed: &Map<String, Value>, buffers: &Buffers<'_>, at: &str) -> Resu
     );
     let source = bytes(buffers, of("buffer")?, start, length, at)?;
     let (count, stride) = (of("count")?, of("byteStride")?);
-    if count > MOST || stride == 0 || stride > MOST_STRIDE as u64 {
+    if count > MAX_ITEMS || stride == 0 || stride > MAX_STRIDE as u64 {
         return Err(fault(at, format!("{count} elements of {stride} bytes")));
     }
     opsr::memory::check(format!("{count} elements of {at}"), 2 * count * stride)?;
@@ -157,7 +157,7 @@ pub(super) fn attributes(source: &[u8], count: usize, stride: usize) -> Option<V
     let (data, end) = stream.0.split_at(start);
     let (baseline, modes) = end[padded - tail..].split_at(stride);
     let mut stream = Stream(data);
-    let mut last = [0u8; MOST_STRIDE];
+    let mut last = [0u8; MAX_STRIDE];
     last[..stride].copy_from_slice(baseline);
     let mut out = vec![0; count * stride];
     let most = ((8192 / stride) & !(GROUP - 1)).min(256);

@@ -1,6 +1,6 @@
 //! Materials of Mitsuba.
 
-use super::super::{Look, Meant, checked_index};
+use super::super::{Role, ShapeMaterial, checked_index};
 use super::Scene;
 use super::xml::{Object, Value};
 use crate::build::looks::{self, Paint};
@@ -12,13 +12,13 @@ use opsr::scene::finish::Anisotropy;
 use opsr::scene::load::error::{Result, fault};
 
 /// Least roughness of a rough material: below it Mitsuba's materials are mirrors, too.
-const LEAST_ALPHA: f64 = 1e-4;
+const MIN_ALPHA: f64 = 1e-4;
 
 impl Scene<'_> {
     /// The material of an object.
-    pub(super) fn look(&mut self, bsdf: &Object) -> Result<Look> {
+    pub(super) fn look(&mut self, bsdf: &Object) -> Result<ShapeMaterial> {
         let address = std::ptr::from_ref(bsdf).addr();
-        if let Some(look) = self.looks.get(&address) {
+        if let Some(look) = self.materials.get(&address) {
             return Ok(look.clone());
         }
         let around = std::mem::take(&mut self.painted);
@@ -27,11 +27,11 @@ impl Scene<'_> {
             look.material.finish_mut().has_colors = true;
         }
         look.material.name = bsdf.id.clone();
-        self.looks.insert(address, look.clone());
+        self.materials.insert(address, look.clone());
         Ok(look)
     }
 
-    fn read_look(&mut self, bsdf: &Object) -> Result<Look> {
+    fn read_look(&mut self, bsdf: &Object) -> Result<ShapeMaterial> {
         let place = &bsdf.place;
         let material = match bsdf.plugin.as_str() {
             "diffuse" | "lambertian" | "roughdiffuse" => {
@@ -48,7 +48,7 @@ impl Scene<'_> {
                 let eta = self.eta(bsdf, "bk7", "air")?;
                 let tint = self.paint(bsdf, &["specular_transmittance"], Paint::from(1.0))?;
                 let reflected =
-                    self.colour(bsdf, &["specular_reflectance"], Rgb::ONE, Meant::Reflected)?;
+                    self.colour(bsdf, &["specular_reflectance"], Rgb::ONE, Role::Reflected)?;
                 looks::wall(eta, tint, reflected)
             }
             "plastic" | "roughplastic" => self.plastic(bsdf)?,
@@ -58,7 +58,7 @@ impl Scene<'_> {
             }
             "principled" => self.principled(bsdf)?,
             "principledthin" => {
-                let share = self.colour(bsdf, &["diff_trans"], Rgb::ZERO, Meant::Reflected)?;
+                let share = self.colour(bsdf, &["diff_trans"], Rgb::ZERO, Role::Reflected)?;
                 let share = self.grey(Paint::plain(share)).factor.x;
                 let mut material = self.principled(bsdf)?;
                 material.solid = false;
@@ -76,7 +76,7 @@ impl Scene<'_> {
                 let melanin = |name: &str, or| bsdf.number(name, or).map(|x| x as f32);
                 let (dark, red) = (melanin("eumelanin", 1.3)?, melanin("pheomelanin", 0.0)?);
                 let own = looks::melanin(dark, red);
-                let absorption = self.colour(bsdf, &["sigma_a"], own, Meant::Reflected)?;
+                let absorption = self.colour(bsdf, &["sigma_a"], own, Role::Reflected)?;
                 let rough = melanin("azimuthal_roughness", 0.3)?;
                 looks::hair(looks::colour_of_hair(absorption, rough))
             }
@@ -97,17 +97,17 @@ impl Scene<'_> {
     }
 
     /// The BSDFs inside a BSDF.
-    fn nested(&mut self, bsdf: &Object) -> Result<Vec<Look>> {
+    fn nested(&mut self, bsdf: &Object) -> Result<Vec<ShapeMaterial>> {
         let inner = self.children(bsdf, &["bsdf"])?;
         inner.iter().map(|(_, inner)| self.look(inner)).collect()
     }
 
-    fn only(&mut self, bsdf: &Object) -> Result<Look> {
+    fn only(&mut self, bsdf: &Object) -> Result<ShapeMaterial> {
         let inner = self.nested(bsdf)?.into_iter().next();
         inner.ok_or_else(|| fault(&bsdf.place, "has no BSDF in it"))
     }
 
-    fn twosided(&mut self, bsdf: &Object) -> Result<Look> {
+    fn twosided(&mut self, bsdf: &Object) -> Result<ShapeMaterial> {
         let inner = self.nested(bsdf)?;
         if inner.len() > 1 {
             self.context.nearest(
@@ -120,7 +120,7 @@ impl Scene<'_> {
         first.ok_or_else(|| fault(&bsdf.place, "has no BSDF in it"))
     }
 
-    fn mask(&mut self, bsdf: &Object) -> Result<Look> {
+    fn mask(&mut self, bsdf: &Object) -> Result<ShapeMaterial> {
         let mut look = self.only(bsdf)?;
         let opacity = self.numbers(bsdf, "opacity", 0.5)?;
         let done = (self.context.builder).set_opacity(&mut look.material, opacity);
@@ -130,7 +130,7 @@ impl Scene<'_> {
         Ok(look)
     }
 
-    fn mapped(&mut self, bsdf: &Object) -> Result<Look> {
+    fn mapped(&mut self, bsdf: &Object) -> Result<ShapeMaterial> {
         let mut look = self.only(bsdf)?;
         if let Some(map) = self.any_texture(bsdf)? {
             if bsdf.plugin == "normalmap" {
@@ -148,7 +148,7 @@ impl Scene<'_> {
         Ok(look)
     }
 
-    fn blend(&mut self, bsdf: &Object) -> Result<Look> {
+    fn blend(&mut self, bsdf: &Object) -> Result<ShapeMaterial> {
         let place = &bsdf.place;
         let mut all = self.nested(bsdf)?;
         let weights = match bsdf.property("weights").map(|p| &p.value) {
@@ -175,11 +175,11 @@ impl Scene<'_> {
         let materials = all.into_iter().map(|look| look.material);
         let weights = weights.into_iter().map(|weight| weight as f32);
         let material = (self.context).heaviest(weights.zip(materials).collect(), place)?;
-        Ok(Look { material, bump })
+        Ok(ShapeMaterial { material, bump })
     }
 
     /// A surface under a clear layer, shown as a clear coat.
-    fn coating(&mut self, bsdf: &Object) -> Result<Look> {
+    fn coating(&mut self, bsdf: &Object) -> Result<ShapeMaterial> {
         let mut look = self.only(bsdf)?;
         let what = format!("`{}` is shown as glTF's clear coat", bsdf.plugin);
         self.context.approximate(&bsdf.place, &what);
@@ -206,7 +206,7 @@ impl Scene<'_> {
             bsdf,
             &["specular_reflectance"],
             Rgb::splat(0.2),
-            Meant::Reflected,
+            Role::Reflected,
         )?;
         let width = match bsdf.plugin.as_str() {
             "phong" => looks::width_of_phong(bsdf.number("exponent", 30.0)? as f32),
@@ -282,7 +282,7 @@ impl Scene<'_> {
         if u.min(v) < 0.0 {
             return Err(fault(&bsdf.place, "a roughness below 0"));
         }
-        let [u, v] = [u, v].map(|a| a.clamp(LEAST_ALPHA, 1.0));
+        let [u, v] = [u, v].map(|a| a.clamp(MIN_ALPHA, 1.0));
         material.alpha = u.min(v) as f32;
         if u != v {
             let mean = (u * v).sqrt() as f32;
@@ -324,8 +324,8 @@ impl Scene<'_> {
         let mut material = match name {
             Some("none") => looks::metal(Rgb::ZERO, Rgb::ONE, tint, 0.0),
             None if given || !self.children(bsdf, &["spectrum"])?.is_empty() => {
-                let eta = self.colour(bsdf, &["eta"], Rgb::ZERO, Meant::Reflected)?;
-                let k = self.colour(bsdf, &["k"], Rgb::ONE, Meant::Reflected)?;
+                let eta = self.colour(bsdf, &["eta"], Rgb::ZERO, Role::Reflected)?;
+                let k = self.colour(bsdf, &["k"], Rgb::ONE, Role::Reflected)?;
                 looks::metal(eta / outside, k / outside, tint, 0.0)
             }
             name => {
@@ -356,7 +356,7 @@ impl Scene<'_> {
     fn dielectric(&mut self, bsdf: &Object) -> Result<Material> {
         let eta = self.eta(bsdf, "bk7", "air")?;
         let tint = self.paint(bsdf, &["specular_transmittance"], Paint::from(1.0))?;
-        let reflected = self.colour(bsdf, &["specular_reflectance"], Rgb::ONE, Meant::Reflected)?;
+        let reflected = self.colour(bsdf, &["specular_reflectance"], Rgb::ONE, Role::Reflected)?;
         if reflected != Rgb::ONE {
             self.context.approximate(
                 &bsdf.place,
@@ -371,7 +371,7 @@ impl Scene<'_> {
     fn plastic(&mut self, bsdf: &Object) -> Result<Material> {
         let eta = self.eta(bsdf, "polypropylene", "air")?;
         let base = self.paint(bsdf, &["diffuse_reflectance"], Paint::from(0.5))?;
-        let reflected = self.colour(bsdf, &["specular_reflectance"], Rgb::ONE, Meant::Reflected)?;
+        let reflected = self.colour(bsdf, &["specular_reflectance"], Rgb::ONE, Role::Reflected)?;
         let saturates = bsdf.flag("nonlinear", false)?;
         let mut material = looks::coated(eta, base, reflected, 0.0, saturates);
         self.rough(bsdf, &mut material)?;
@@ -394,7 +394,7 @@ impl Scene<'_> {
             None => looks::index_of(0.08 * specular.clamp(0.0, 1.0)),
         };
         let mut share = |name: &str| -> Result<f32> {
-            let found = self.colour(bsdf, &[name], Rgb::ZERO, Meant::Reflected)?;
+            let found = self.colour(bsdf, &[name], Rgb::ZERO, Role::Reflected)?;
             Ok(self.grey(Paint::plain(found)).factor.x.clamp(0.0, 1.0))
         };
         let (metallic, transmission) = (share("metallic")?, share("spec_trans")?);

@@ -1,6 +1,6 @@
 //! Emitters and sensors of Mitsuba.
 
-use super::super::{Meant, film_side};
+use super::super::{Role, film_side};
 use super::Scene;
 use super::xml::{Object, Value};
 use crate::build::looks::Paint;
@@ -26,7 +26,7 @@ impl Scene<'_> {
         match emitter.plugin.as_str() {
             "point" => {
                 let position = emitter.vector("position", pose.translation)?.as_vec3();
-                let intensity = self.colour(emitter, &["intensity"], Rgb::ONE, Meant::Emitted)?;
+                let intensity = self.colour(emitter, &["intensity"], Rgb::ONE, Role::Emitted)?;
                 self.context.parts().lights.push(PunctualLight::Point {
                     position,
                     intensity,
@@ -46,7 +46,7 @@ impl Scene<'_> {
                     emitter,
                     &["irradiance", "radiance"],
                     Rgb::ONE,
-                    Meant::Emitted,
+                    Role::Emitted,
                 )?;
                 let direction = match emitter.property("direction") {
                     Some(_) => emitter.vector("direction", DVec3::Z)?.try_normalize(),
@@ -62,7 +62,7 @@ impl Scene<'_> {
                     });
             }
             "constant" => {
-                let radiance = self.colour(emitter, &["radiance"], Rgb::ONE, Meant::Emitted)?;
+                let radiance = self.colour(emitter, &["radiance"], Rgb::ONE, Role::Emitted)?;
                 self.surround(Environment::constant(radiance), place)?;
             }
             "envmap" => {
@@ -117,7 +117,7 @@ impl Scene<'_> {
         direction: DVec3,
     ) -> Result<PunctualLight> {
         let place = &emitter.place;
-        let intensity = self.colour(emitter, &["intensity"], Rgb::ONE, Meant::Emitted)?;
+        let intensity = self.colour(emitter, &["intensity"], Rgb::ONE, Role::Emitted)?;
         if !self.children(emitter, &["texture"])?.is_empty() {
             self.context
                 .nearest(place, "the texture of a spot light", "a spot of one colour")?;
@@ -149,7 +149,7 @@ impl Scene<'_> {
         let shown = "a spot light of its mean";
         (self.context).nearest(&emitter.place, "the image of `projector`", shown)?;
         let white = Paint::plain(Rgb::ONE);
-        let paint = self.paint_of(emitter, &["irradiance"], white, Meant::Emitted)?;
+        let paint = self.paint_of(emitter, &["irradiance"], white, Role::Emitted)?;
         let builder = &self.context.builder;
         let aspect = paint.map.map_or(1.0, |map| {
             let image = &builder.parts.textures[map.texture as usize];

@@ -1,6 +1,6 @@
 //! Media of Mitsuba.
 
-use super::super::Meant;
+use super::super::Role;
 use super::super::media::Named;
 use super::Scene;
 use super::xml::{Object, numbers};
@@ -101,7 +101,7 @@ impl Scene<'_> {
             return Ok(None);
         }
         let colour = |scene: &mut Self, name: &str, or: f32| {
-            scene.colour(object, &[name], Rgb::splat(or), Meant::Reflected)
+            scene.colour(object, &[name], Rgb::splat(or), Role::Reflected)
         };
         let [mut absorption, mut scattering] =
             [colour(self, "sigma_a", 0.0)?, colour(self, "sigma_s", 0.0)?];

@@ -9,7 +9,7 @@ mod values;
 mod xml;
 
 use super::media::Named;
-use super::{Context, Look, Member};
+use super::{Context, Member, ShapeMaterial};
 use glam::{DAffine3, DMat4};
 use opsr::math::Vec3;
 use opsr::scene::load::error::{Result, fault};
@@ -26,7 +26,7 @@ struct Scene<'a> {
     /// True if the material being read uses the colours of its mesh.
     painted: bool,
     /// Materials by the address of their object.
-    looks: HashMap<usize, Look>,
+    materials: HashMap<usize, ShapeMaterial>,
     /// Grey versions of textures, by texture and factor: factor and texture.
     greys: HashMap<(u32, [u32; 3]), (f32, u32)>,
     /// Media by the address of their object.
@@ -47,7 +47,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         ids,
         is_old,
         painted: false,
-        looks: HashMap::new(),
+        materials: HashMap::new(),
         greys: HashMap::new(),
         media: HashMap::new(),
         open: Vec::new(),

@@ -1,6 +1,6 @@
 //! Shapes of Mitsuba.
 
-use super::super::{Look, Meant, Member, curves, obj, ply, serialized};
+use super::super::{Member, Role, ShapeMaterial, curves, obj, ply, serialized};
 use super::Scene;
 use super::xml::Object;
 use crate::build::looks::{self, Paint};
@@ -13,7 +13,7 @@ use std::f32::consts::TAU;
 use std::rc::Rc;
 
 /// Most members of a group, those of inner groups counted.
-const MOST_MEMBERS: usize = 1 << 20;
+const MAX_MEMBERS: usize = 1 << 20;
 
 impl Scene<'_> {
     /// Places a shape; a group is only placed by its instances.
@@ -66,7 +66,7 @@ impl Scene<'_> {
                 } else {
                     members.extend(scene.all(&shape)?);
                 }
-                if members.len() > MOST_MEMBERS {
+                if members.len() > MAX_MEMBERS {
                     return Err(fault(&shape.place, "a group of too many shapes"));
                 }
             }
@@ -103,7 +103,7 @@ impl Scene<'_> {
         let Some((mesh, pose)) = self.mesh(shape, pose, flipped)? else {
             return Ok(None);
         };
-        let (material, mesh) = self.dressed(shape, mesh, &pose)?;
+        let (material, mesh) = self.shape_material(shape, mesh, &pose)?;
         Ok(Some((mesh, material, pose)))
     }
 
@@ -224,14 +224,14 @@ impl Scene<'_> {
     }
 
     /// Material and mesh of a shape, with its own emission, bump map, and tangents for a normal map.
-    fn dressed(&mut self, shape: &Object, mesh: u32, pose: &DAffine3) -> Result<(u32, u32)> {
+    fn shape_material(&mut self, shape: &Object, mesh: u32, pose: &DAffine3) -> Result<(u32, u32)> {
         let bsdf = self.children(shape, &["bsdf"])?.into_iter().next();
         let emitters = self.children(shape, &["emitter", "luminaire"])?;
         let mut look = match &bsdf {
             Some((_, bsdf)) => self.look(bsdf)?,
             // Mitsuba's default: a reflectance of one half, and black for a lamp.
-            None if emitters.is_empty() => Look::from(looks::diffuse(Paint::from(0.5))),
-            None => Look::from(looks::diffuse(Paint::from(0.0))),
+            None if emitters.is_empty() => ShapeMaterial::from(looks::diffuse(Paint::from(0.5))),
+            None => ShapeMaterial::from(looks::diffuse(Paint::from(0.0))),
         };
         let mut key = bsdf
             .map_or(usize::from(emitters.is_empty()), |(_, bsdf)| {
@@ -245,7 +245,7 @@ impl Scene<'_> {
                 continue;
             }
             let names = ["radiance", "intensity"];
-            let paint = self.paint_of(&emitter, &names, Paint::plain(Rgb::ONE), Meant::Emitted)?;
+            let paint = self.paint_of(&emitter, &names, Paint::plain(Rgb::ONE), Role::Emitted)?;
             look.material.emission = paint.factor;
             look.material.emissive_texture = paint.map;
             key += &format!(" emits {}", Rc::as_ptr(&emitter).addr());
@@ -254,7 +254,7 @@ impl Scene<'_> {
         key += &format!(" between {sides:?}");
         (self.context).bound(&mut look.material, sides, &shape.place)?;
         self.lit_whole(&mut look.material, &shape.place);
-        Ok(self.context.dressed(look, key, mesh, pose))
+        Ok(self.context.shape_material(look, key, mesh, pose))
     }
 
     /// Restores all light of a lamp with holes: in Mitsuba `null` and `mask` do not dim an emitter.

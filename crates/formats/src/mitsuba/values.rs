@@ -1,6 +1,6 @@
 //! Properties of Mitsuba's objects: numbers, colours and textures.
 
-use super::super::Meant;
+use super::super::Role;
 use super::super::images::Use;
 use super::Scene;
 use super::xml::{Object, Property, Value, numbers};
@@ -84,16 +84,16 @@ impl Scene<'_> {
         spectrum.ok_or_else(|| fault(place, format!("`{text}` is no spectrum")))
     }
 
-    fn colour_of(&mut self, value: &Value, meant: Meant, place: &str) -> Result<Rgb> {
+    fn colour_of(&mut self, value: &Value, meant: Role, place: &str) -> Result<Rgb> {
         let of = |spectrum: Spectrum| match meant {
-            Meant::Reflected => spectrum.reflected(),
-            Meant::Emitted => spectrum.emitted(),
+            Role::Reflected => spectrum.reflected(),
+            Role::Emitted => spectrum.emitted(),
         };
         let colour = match value {
             Value::Number(x) => Rgb::splat(*x as f32),
             Value::Rgb(rgb) => Rgb::from_array(*rgb),
             Value::Spectrum(text) => match numbers(text).as_deref() {
-                Some([x]) if meant == Meant::Reflected => Rgb::splat(*x as f32),
+                Some([x]) if meant == Role::Reflected => Rgb::splat(*x as f32),
                 Some([x]) => Spectrum::new(vec![(300.0, *x), (900.0, *x)]).map_or(Rgb::ZERO, of),
                 Some([r, g, b]) => Rgb::new(*r as f32, *g as f32, *b as f32),
                 _ => of(Self::spectrum(text, place)?),
@@ -114,7 +114,7 @@ impl Scene<'_> {
         object: &Object,
         names: &[&str],
         or: Rgb,
-        meant: Meant,
+        meant: Role,
     ) -> Result<Rgb> {
         let paint = self.paint_of(object, names, Paint::plain(or), meant)?;
         if paint.map.is_some() {
@@ -130,7 +130,7 @@ impl Scene<'_> {
 
     /// The colour or texture of a surface.
     pub(super) fn paint(&mut self, object: &Object, names: &[&str], or: Paint) -> Result<Paint> {
-        self.paint_of(object, names, or, Meant::Reflected)
+        self.paint_of(object, names, or, Role::Reflected)
     }
 
     /// True if an object has a property or a texture with this name.
@@ -167,7 +167,7 @@ impl Scene<'_> {
         object: &Object,
         names: &[&str],
         or: Paint,
-        meant: Meant,
+        meant: Role,
     ) -> Result<Paint> {
         for name in names {
             if let Some(property) = object.property(name) {
@@ -190,12 +190,12 @@ impl Scene<'_> {
             return Ok(None);
         };
         self.within(&texture.clone(), |scene| {
-            scene.texture(&texture, Meant::Reflected)
+            scene.texture(&texture, Role::Reflected)
         })
         .map(Some)
     }
 
-    fn texture(&mut self, texture: &Object, meant: Meant) -> Result<Paint> {
+    fn texture(&mut self, texture: &Object, meant: Role) -> Result<Paint> {
         let place = &texture.place;
         match texture.plugin.as_str() {
             "bitmap" | "ldrtexture" => self.bitmap(texture),
@@ -252,7 +252,7 @@ impl Scene<'_> {
         }
     }
 
-    fn sampled_spectrum(&mut self, texture: &Object, meant: Meant) -> Result<Paint> {
+    fn sampled_spectrum(&mut self, texture: &Object, meant: Role) -> Result<Paint> {
         let place = &texture.place;
         let list = |name: &str| -> Result<Vec<f64>> {
             Ok(texture.text(name)?.and_then(numbers).unwrap_or_default())
@@ -270,8 +270,8 @@ impl Scene<'_> {
         let pairs = at.into_iter().zip(values).collect();
         let spectrum = Spectrum::new(pairs).ok_or_else(|| fault(place, "is no spectrum"))?;
         Ok(Paint::plain(match meant {
-            Meant::Reflected => spectrum.reflected(),
-            Meant::Emitted => spectrum.emitted(),
+            Role::Reflected => spectrum.reflected(),
+            Role::Emitted => spectrum.emitted(),
         }))
     }
 

@@ -9,10 +9,10 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 /// Deepest nesting of objects.
-const MOST_DEPTH: usize = 64;
+const MAX_DEPTH: usize = 64;
 
 /// Most objects and properties of a scene.
-const MOST_NODES: usize = 1 << 22;
+const MAX_NODES: usize = 1 << 22;
 
 /// A node of a scene: a shape, a material, a texture.
 #[derive(Debug)]
@@ -132,7 +132,7 @@ impl<'a> Reader<'a> {
         let at = if name.is_empty() { "XML" } else { name };
         let text = String::from_utf8(bytes).map_err(|e| fault(at, e.to_string()))?;
         let options = roxmltree::ParsingOptions {
-            nodes_limit: MOST_NODES as u32,
+            nodes_limit: MAX_NODES as u32,
             ..Default::default()
         };
         let document = roxmltree::Document::parse_with_options(&text, options).map_err(|e| {
@@ -212,7 +212,7 @@ impl<'a> Reader<'a> {
         depth: usize,
     ) -> Result<Object> {
         let place = text.place(node);
-        if depth > MOST_DEPTH {
+        if depth > MAX_DEPTH {
             return Err(fault(place, "objects are nested too deep"));
         }
         let tag = node.tag_name().name().to_owned();
@@ -227,7 +227,7 @@ impl<'a> Reader<'a> {
         };
         for child in node.children().filter(|n| n.is_element()) {
             self.nodes += 1;
-            if self.nodes > MOST_NODES {
+            if self.nodes > MAX_NODES {
                 return Err(fault(text.place(child), "too many elements"));
             }
             self.member(text, child, depth, &mut object)?;

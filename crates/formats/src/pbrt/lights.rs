@@ -1,6 +1,6 @@
 //! Lights, cameras and films of pbrt.
 
-use super::super::{Meant, film_side};
+use super::super::{Role, film_side};
 use super::tokens::Parameters;
 use super::{Scene, affine};
 use crate::build::sky;
@@ -118,7 +118,7 @@ impl Scene<'_> {
     /// The colour by which version 3 scales a light.
     pub(super) fn tint(&mut self, parameters: &Parameters) -> Result<Rgb> {
         match parameters.get("scale").is_some_and(|p| p.kind != "float") {
-            true => self.colour(parameters, "scale", Rgb::ONE, Meant::Emitted),
+            true => self.colour(parameters, "scale", Rgb::ONE, Role::Emitted),
             false => Ok(Rgb::ONE),
         }
     }
@@ -126,7 +126,7 @@ impl Scene<'_> {
     /// Colour of a light times a scale.
     fn emitted(&mut self, parameters: &Parameters, name: &str, scale: f64) -> Result<Rgb> {
         let tint = self.tint(parameters)? * scale as f32;
-        let colour = self.colour(parameters, name, Rgb::ONE, Meant::Emitted)? * tint;
+        let colour = self.colour(parameters, name, Rgb::ONE, Role::Emitted)? * tint;
         match colour.is_finite() {
             true => Ok(colour),
             false => Err(fault(&parameters.place, "a light that is not finite")),

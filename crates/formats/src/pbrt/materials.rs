@@ -1,7 +1,7 @@
 //! Materials of pbrt.
 
 use super::super::images::Use;
-use super::super::{Look, Meant, checked_index};
+use super::super::{Role, ShapeMaterial, checked_index};
 use super::tokens::{Parameters, Values};
 use super::{Declared, Scene};
 use crate::build::looks::{self, Paint};
@@ -39,9 +39,9 @@ pub(super) fn parts_of(parameters: &Parameters) -> Result<(Vec<String>, bool)> {
 
 impl Scene<'_> {
     /// The material of a declaration, read once.
-    pub(super) fn look(&mut self, declared: &Rc<Declared>, depth: usize) -> Result<Look> {
+    pub(super) fn look(&mut self, declared: &Rc<Declared>, depth: usize) -> Result<ShapeMaterial> {
         let address = Rc::as_ptr(declared).addr();
-        if let Some((look, mapping)) = self.looks.get(&address).cloned() {
+        if let Some((look, mapping)) = self.shape_materials.get(&address).cloned() {
             self.takes(mapping, &declared.parameters.place)?;
             return Ok(look);
         }
@@ -50,7 +50,7 @@ impl Scene<'_> {
             return Err(fault(&parameters.place, "a mixture that holds itself"));
         }
         let before = self.mapping.take();
-        let mut look = Look {
+        let mut look = ShapeMaterial {
             material: self.material(&declared.kind, parameters, depth)?,
             bump: None,
         };
@@ -74,7 +74,7 @@ impl Scene<'_> {
             look.material.finish_mut().has_second_uvs = true;
         }
         self.takes(own, &parameters.place)?;
-        self.looks.insert(address, (look.clone(), own));
+        self.shape_materials.insert(address, (look.clone(), own));
         Ok(look)
     }
 
@@ -160,11 +160,11 @@ impl Scene<'_> {
     fn hair(&mut self, parameters: &Parameters) -> Result<Rgb> {
         for name in ["reflectance", "color"] {
             if parameters.get(name).is_some() {
-                return self.colour(parameters, name, Rgb::ONE, Meant::Reflected);
+                return self.colour(parameters, name, Rgb::ONE, Role::Reflected);
             }
         }
         let mut of = |name: &str, or: f32| -> Result<Rgb> {
-            self.colour(parameters, name, Rgb::splat(or), Meant::Reflected)
+            self.colour(parameters, name, Rgb::splat(or), Role::Reflected)
         };
         let red = of("pheomelanin", 0.0)?.x;
         let dark = of("eumelanin", if red > 0.0 { 0.0 } else { 1.3 })?.x;
@@ -177,7 +177,7 @@ impl Scene<'_> {
 
     /// Warns of a scattering medium inside a layer, which is shown as a clear layer.
     fn layered(&mut self, parameters: &Parameters) -> Result<()> {
-        let albedo = self.colour(parameters, "albedo", Rgb::ZERO, Meant::Reflected)?;
+        let albedo = self.colour(parameters, "albedo", Rgb::ZERO, Role::Reflected)?;
         match albedo == Rgb::ZERO {
             true => Ok(()),
             false => (self.context).nearest(
@@ -200,7 +200,7 @@ impl Scene<'_> {
                 metals::glass(&names[0]).unwrap_or(or)
             }
             Some(_) => {
-                let colour = self.colour(parameters, name, Rgb::splat(or), Meant::Reflected)?;
+                let colour = self.colour(parameters, name, Rgb::splat(or), Role::Reflected)?;
                 colour.element_sum() / 3.0
             }
         };
@@ -215,14 +215,14 @@ impl Scene<'_> {
         };
         let (eta, k) = if parameters.get("reflectance").is_some() {
             // The k that gives this reflectance with an index of 1, as in pbrt.
-            let r = self.colour(parameters, "reflectance", Rgb::ONE, Meant::Reflected)?;
+            let r = self.colour(parameters, "reflectance", Rgb::ONE, Role::Reflected)?;
             let r = r.clamp(Rgb::ZERO, Rgb::splat(0.9999));
             let k = 2.0 * r.map(f32::sqrt) / (Rgb::ONE - r).map(f32::sqrt);
             (Rgb::ONE, k)
         } else {
             let (eta, k) = metals::metal("Cu").unwrap_or((Rgb::ONE, Rgb::ONE));
-            let eta = self.colour(parameters, &of("eta"), eta, Meant::Reflected)?;
-            let k = self.colour(parameters, &of("k"), k, Meant::Reflected)?;
+            let eta = self.colour(parameters, &of("eta"), eta, Role::Reflected)?;
+            let k = self.colour(parameters, &of("k"), k, Role::Reflected)?;
             (eta, k)
         };
         // Both are relative to the index of the layer above, as in pbrt.
@@ -297,12 +297,9 @@ impl Scene<'_> {
             looks.push(self.look(&known, depth + 1)?.material);
         }
         let mut amount = match older {
-            true => Paint::plain(self.colour(
-                parameters,
-                "amount",
-                Rgb::splat(0.5),
-                Meant::Reflected,
-            )?),
+            true => {
+                Paint::plain(self.colour(parameters, "amount", Rgb::splat(0.5), Role::Reflected)?)
+            }
             false => self.paint(parameters, "amount", Paint::from(0.5))?,
         };
         if amount.map.is_some_and(|map| map.second) {

@@ -1,6 +1,6 @@
 //! Media of pbrt.
 
-use super::super::Meant;
+use super::super::Role;
 use super::super::media::Named;
 use super::Scene;
 use super::tokens::Parameters;
@@ -39,7 +39,7 @@ impl Scene<'_> {
             self.context.left_out(place, what)?;
         }
         let (_, scattering, absorption) = known.unwrap_or(&PRESETS[PRESETS.len() - 1]);
-        if self.colour(parameters, "Le", Rgb::ZERO, Meant::Reflected)? != Rgb::ZERO {
+        if self.colour(parameters, "Le", Rgb::ZERO, Role::Reflected)? != Rgb::ZERO {
             self.context
                 .left_out(place, "a medium that shines (`Le`)")?;
         }
@@ -47,7 +47,7 @@ impl Scene<'_> {
         let stands = named.is_some() && known.is_some() && !self.is_old;
         let mut of = |name: &str, preset: [f32; 3]| match stands {
             true => Ok(preset.into()),
-            false => self.colour(parameters, name, preset.into(), Meant::Reflected),
+            false => self.colour(parameters, name, preset.into(), Role::Reflected),
         };
         let medium = Medium {
             absorption: of("sigma_a", *absorption)?,

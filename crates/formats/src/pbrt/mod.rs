@@ -11,7 +11,7 @@ mod tokens;
 mod values;
 
 use super::media::Named;
-use super::{Context, Look, Member, unpacked};
+use super::{Context, Member, ShapeMaterial, unpacked};
 use crate::build::looks::Paint;
 use glam::{DAffine3, DMat3, DMat4, DVec3, DVec4};
 use mappings::Mapping;
@@ -21,7 +21,7 @@ use std::rc::Rc;
 use tokens::{Parameters, Token, Tokens, Values};
 
 /// Deepest nesting of attributes.
-const MOST_DEPTH: usize = 1024;
+const MAX_DEPTH: usize = 1024;
 
 /// Directives that declare something, unlike those of the graphics state and of transforms.
 #[rustfmt::skip]
@@ -36,7 +36,7 @@ struct State {
     pose: DMat4,
     material: Option<Rc<Declared>>,
     /// Name of the current material if it is not declared yet, and the place of this reference.
-    awaited: Option<(String, String)>,
+    undeclared: Option<(String, String)>,
     /// Kind and parameters of the area light.
     area_light: Option<Rc<Parameters>>,
     reversed: bool,
@@ -72,13 +72,13 @@ struct Scene<'a> {
     /// Shapes of objects by name: mesh, material, pose.
     objects: HashMap<String, Rc<Vec<Member>>>,
     object: Option<(String, Vec<Member>)>,
-    looks: HashMap<usize, (Look, Option<Mapping>)>,
+    shape_materials: HashMap<usize, (ShapeMaterial, Option<Mapping>)>,
     /// Declarations and lights whose addresses are keys: they must stay alive.
     kept: Vec<Rc<Declared>>,
     lights_kept: Vec<Rc<Parameters>>,
     /// Shapes whose material is not declared yet, each with the object that it is in, and instances of incomplete
     /// objects. They wait for the end of the file, when `is_read` is true.
-    later: Vec<(State, String, Parameters, Option<String>)>,
+    deferred: Vec<(State, String, Parameters, Option<String>)>,
     is_read: bool,
     instances: Vec<(DMat4, String, String)>,
     /// Parameters of the film, and of the camera with its pose.
@@ -103,10 +103,10 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         media: HashMap::new(),
         objects: HashMap::new(),
         object: None,
-        looks: HashMap::new(),
+        shape_materials: HashMap::new(),
         kept: Vec::new(),
         lights_kept: Vec::new(),
-        later: Vec::new(),
+        deferred: Vec::new(),
         is_read: false,
         instances: Vec::new(),
         film: None,
@@ -129,8 +129,8 @@ impl Scene<'_> {
     /// Reads the shapes and instances that refer to later declarations.
     fn rest(&mut self) -> Result<()> {
         self.is_read = true;
-        for (state, kind, parameters, object) in std::mem::take(&mut self.later) {
-            if let Some((name, place)) = &state.awaited {
+        for (state, kind, parameters, object) in std::mem::take(&mut self.deferred) {
+            if let Some((name, place)) = &state.undeclared {
                 self.named_material(name, place)?;
             }
             self.state = state;
@@ -219,7 +219,7 @@ impl Scene<'_> {
             }
             "ObjectInstance" => {
                 let name = tokens.quoted()?;
-                let is_whole = self.later.is_empty() && self.objects.contains_key(&name);
+                let is_whole = self.deferred.is_empty() && self.objects.contains_key(&name);
                 if self.object.is_none() && !is_whole {
                     self.instances.push((self.state.pose, name, place));
                     return Ok(());
@@ -252,7 +252,7 @@ impl Scene<'_> {
     }
 
     fn push(&mut self, kind: char, place: &str) -> Result<()> {
-        if self.stack.len() >= MOST_DEPTH {
+        if self.stack.len() >= MAX_DEPTH {
             return Err(fault(place, "attributes are nested too deep"));
         }
         self.stack.push((self.state.clone(), kind));
@@ -339,7 +339,7 @@ impl Scene<'_> {
             "NamedMaterial" => {
                 self.state.material = self.materials.get(&name).cloned();
                 let is_known = self.state.material.is_some();
-                self.state.awaited = (!is_known).then_some((name, place));
+                self.state.undeclared = (!is_known).then_some((name, place));
                 return Ok(());
             }
             "Texture" => {
@@ -424,7 +424,7 @@ impl Scene<'_> {
                     kind: name,
                     parameters,
                 };
-                self.state.awaited = None;
+                self.state.undeclared = None;
                 self.state.material = Some(Rc::new(declared));
                 Ok(())
             }

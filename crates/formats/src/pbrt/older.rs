@@ -1,6 +1,6 @@
 //! Materials of pbrt-v3, as the nearest ones of this project.
 
-use super::super::{Meant, checked_index};
+use super::super::{Role, checked_index};
 use super::Scene;
 use super::tokens::Parameters;
 use crate::build::looks::{self, Paint};
@@ -42,15 +42,15 @@ impl Scene<'_> {
             }
             "metal" => {
                 let (eta, k) = metals::metal("Cu").unwrap_or((Rgb::ONE, Rgb::ONE));
-                let eta = self.colour(parameters, "eta", eta, Meant::Reflected)?;
-                let k = self.colour(parameters, "k", k, Meant::Reflected)?;
+                let eta = self.colour(parameters, "eta", eta, Role::Reflected)?;
+                let k = self.colour(parameters, "k", k, Role::Reflected)?;
                 let mut material = looks::metal(eta, k, white, 0.0);
                 self.roughened(parameters, 0.01, &mut material)?;
                 material
             }
             "plastic" | "uber" => {
                 let base = self.paint(parameters, "Kd", Paint::from(0.25))?;
-                let shine = self.colour(parameters, "Ks", Rgb::splat(0.25), Meant::Reflected)?;
+                let shine = self.colour(parameters, "Ks", Rgb::splat(0.25), Role::Reflected)?;
                 let mut material = looks::glossy(base, shine, self.index(parameters)?);
                 self.roughened(parameters, 0.1, &mut material)?;
                 if kind == "uber" {
@@ -60,7 +60,7 @@ impl Scene<'_> {
             }
             "substrate" => {
                 let base = self.paint(parameters, "Kd", Paint::from(0.5))?;
-                let shine = self.colour(parameters, "Ks", Rgb::splat(0.5), Meant::Reflected)?;
+                let shine = self.colour(parameters, "Ks", Rgb::splat(0.5), Role::Reflected)?;
                 // The index of a layer that reflects `Ks` at normal incidence.
                 let index = looks::index_of(luminance(shine));
                 let mut material = looks::glossy(base, Rgb::ONE, index);
@@ -88,8 +88,8 @@ impl Scene<'_> {
     /// A surface with diffuse reflection and transmission under a glossy layer.
     fn translucent(&mut self, parameters: &Parameters) -> Result<Material> {
         let base = self.paint(parameters, "Kd", Paint::from(0.25))?;
-        let shine = self.colour(parameters, "Ks", Rgb::splat(0.25), Meant::Reflected)?;
-        let mut of = |name: &str| self.colour(parameters, name, Rgb::splat(0.5), Meant::Reflected);
+        let shine = self.colour(parameters, "Ks", Rgb::splat(0.25), Role::Reflected)?;
+        let mut of = |name: &str| self.colour(parameters, name, Rgb::splat(0.5), Role::Reflected);
         let (reflect, transmit) = (of("reflect")?, of("transmit")?);
         let part = |share: Rgb| Paint {
             factor: base.factor * share,
@@ -130,7 +130,7 @@ impl Scene<'_> {
     fn uber(&mut self, parameters: &Parameters, mut material: Material) -> Result<Material> {
         let place = &parameters.place;
         let of = |scene: &mut Self, name: &str| {
-            scene.colour(parameters, name, Rgb::ZERO, Meant::Reflected)
+            scene.colour(parameters, name, Rgb::ZERO, Role::Reflected)
         };
         let (through, mirrored) = (of(self, "Kt")?, of(self, "Kr")?);
         let base = luminance(material.base_color);
@@ -166,7 +166,7 @@ impl Scene<'_> {
             .approximate(place, "`disney` is shown by glTF's model");
         let base = self.paint(parameters, "color", Paint::from(0.5))?;
         let mut of = |name: &str, or: f32| -> Result<f32> {
-            let colour = self.colour(parameters, name, Rgb::splat(or), Meant::Reflected)?;
+            let colour = self.colour(parameters, name, Rgb::splat(or), Role::Reflected)?;
             Ok(luminance(colour))
         };
         let (metallic, roughness) = (of("metallic", 0.0)?, of("roughness", 0.5)?);

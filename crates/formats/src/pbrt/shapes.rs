@@ -1,7 +1,7 @@
 //! Shapes of pbrt.
 
 use super::super::images::Use;
-use super::super::{Look, Meant, curves, ply};
+use super::super::{Role, ShapeMaterial, curves, ply};
 use super::tokens::Parameters;
 use super::{Declared, Scene, lights};
 use crate::build::looks::{self, Paint};
@@ -16,17 +16,17 @@ use std::rc::Rc;
 impl Scene<'_> {
     pub(super) fn shape(&mut self, kind: &str, parameters: &Parameters) -> Result<()> {
         let place = &parameters.place;
-        if let Some((name, at)) = &self.state.awaited
+        if let Some((name, at)) = &self.state.undeclared
             && let Ok(known) = self.named_material(name, at)
         {
-            (self.state.material, self.state.awaited) = (Some(known), None);
+            (self.state.material, self.state.undeclared) = (Some(known), None);
         }
-        let awaits = self.state.awaited.is_some()
+        let awaits = self.state.undeclared.is_some()
             || (self.state.material.as_ref()).is_some_and(|declared| self.awaits(declared, 0));
         if awaits && !self.is_read {
             let object = self.object.as_ref().map(|(name, _)| name.clone());
             let (state, parameters) = (self.state.clone(), parameters.clone());
-            (self.later).push((state, kind.to_owned(), parameters, object));
+            (self.deferred).push((state, kind.to_owned(), parameters, object));
             return Ok(());
         }
         let pose = self.pose(place)?;
@@ -194,7 +194,7 @@ impl Scene<'_> {
         self.mapping = None;
         let mut look = match &declared {
             Some(declared) => self.look(declared, 0)?,
-            None => Look::from(looks::diffuse(Paint::from(0.5))),
+            None => ShapeMaterial::from(looks::diffuse(Paint::from(0.5))),
         };
         let mut key = (declared.as_ref())
             .map_or(0, |d| Rc::<Declared>::as_ptr(d).addr())
@@ -238,7 +238,7 @@ impl Scene<'_> {
         let sides = self.state.sides;
         key += &format!(" between {sides:?}");
         (self.context).bound(&mut look.material, sides, &parameters.place)?;
-        Ok(self.context.dressed(look, key, mesh, pose))
+        Ok(self.context.shape_material(look, key, mesh, pose))
     }
 
     fn emission(
@@ -247,10 +247,10 @@ impl Scene<'_> {
         light: &Parameters,
         mesh: u32,
         pose: &DAffine3,
-        look: &mut Look,
+        look: &mut ShapeMaterial,
     ) -> Result<()> {
         let place = &light.place;
-        let mut radiance = self.colour(light, "L", Rgb::ONE, Meant::Emitted)? * self.tint(light)?;
+        let mut radiance = self.colour(light, "L", Rgb::ONE, Role::Emitted)? * self.tint(light)?;
         let mut scale = lights::plain_scale(light)?;
         let mut mean = 1.0;
         if let Some(name) = light.text("filename")? {

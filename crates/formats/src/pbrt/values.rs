@@ -1,6 +1,6 @@
 //! Colours and textures of pbrt.
 
-use super::super::Meant;
+use super::super::Role;
 use super::super::images::Use;
 use super::Scene;
 use super::tokens::{Parameter, Parameters, Values};
@@ -45,15 +45,15 @@ const DOTTED: f32 = 0.15;
 
 impl Scene<'_> {
     /// The colour of a spectrum; pbrt scales those of lamps to a luminance of 1.
-    fn of_spectrum(spectrum: &Spectrum, meant: Meant) -> Rgb {
+    fn of_spectrum(spectrum: &Spectrum, meant: Role) -> Rgb {
         match meant {
-            Meant::Reflected => spectrum.reflected(),
-            Meant::Emitted => spectrum.chromaticity(),
+            Role::Reflected => spectrum.reflected(),
+            Role::Emitted => spectrum.chromaticity(),
         }
     }
 
     /// The colour of a parameter.
-    fn colour_of(&mut self, parameter: &Parameter, meant: Meant, place: &str) -> Result<Rgb> {
+    fn colour_of(&mut self, parameter: &Parameter, meant: Role, place: &str) -> Result<Rgb> {
         let bad = || fault(place, format!("`{}` is no colour", parameter.name));
         let colour = match (parameter.kind.as_str(), &parameter.values) {
             ("rgb" | "color", Values::Numbers(n)) => match n.as_slice() {
@@ -82,7 +82,7 @@ impl Scene<'_> {
         }
     }
 
-    fn named_spectrum(&mut self, name: &str, meant: Meant, place: &str) -> Result<Rgb> {
+    fn named_spectrum(&mut self, name: &str, meant: Role, place: &str) -> Result<Rgb> {
         if let Some(eta) = metals::glass(name) {
             return Ok(Rgb::splat(eta));
         }
@@ -118,7 +118,7 @@ impl Scene<'_> {
         parameters: &Parameters,
         name: &str,
         or: Rgb,
-        meant: Meant,
+        meant: Role,
     ) -> Result<Rgb> {
         let paint = self.paint_of(parameters, name, Paint::plain(or), meant)?;
         if paint.map.is_none() {
@@ -138,7 +138,7 @@ impl Scene<'_> {
         name: &str,
         or: Paint,
     ) -> Result<Paint> {
-        self.paint_of(parameters, name, or, Meant::Reflected)
+        self.paint_of(parameters, name, or, Role::Reflected)
     }
 
     fn paint_of(
@@ -146,7 +146,7 @@ impl Scene<'_> {
         parameters: &Parameters,
         name: &str,
         or: Paint,
-        meant: Meant,
+        meant: Role,
     ) -> Result<Paint> {
         let place = &parameters.place;
         let Some(parameter) = parameters.get(name) else {
@@ -183,7 +183,7 @@ impl Scene<'_> {
             "scale" => self.product(parameters)?,
             "bilerp" => {
                 let mut of = |name: &str, or: f32| {
-                    self.colour(parameters, name, Rgb::splat(or), Meant::Reflected)
+                    self.colour(parameters, name, Rgb::splat(or), Role::Reflected)
                 };
                 let colours = [
                     of("v00", 0.0)?,
@@ -213,8 +213,8 @@ impl Scene<'_> {
             }
             "dots" => {
                 (self.context).nearest(place, "texture `dots`", "its mean")?;
-                let inside = self.colour(parameters, "inside", Rgb::ONE, Meant::Reflected)?;
-                let outside = self.colour(parameters, "outside", Rgb::ZERO, Meant::Reflected)?;
+                let inside = self.colour(parameters, "inside", Rgb::ONE, Role::Reflected)?;
+                let outside = self.colour(parameters, "outside", Rgb::ZERO, Role::Reflected)?;
                 Paint::plain(outside + DOTTED * (inside - outside))
             }
             other => {
@@ -310,8 +310,8 @@ impl Scene<'_> {
                 "one by texture coordinates",
             )?;
         }
-        let first = self.colour(parameters, "tex1", Rgb::ONE, Meant::Reflected)?;
-        let second = self.colour(parameters, "tex2", Rgb::ZERO, Meant::Reflected)?;
+        let first = self.colour(parameters, "tex1", Rgb::ONE, Role::Reflected)?;
+        let second = self.colour(parameters, "tex2", Rgb::ZERO, Role::Reflected)?;
         self.fields(parameters, [first, second, second, first], true)
     }
 
