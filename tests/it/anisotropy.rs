@@ -314,8 +314,8 @@ fn anisotropy_without_coordinates_is_ignored_with_a_warning() {
     file.push("materials", serde_json::json!({ "extensions": extensions }));
     file.primitive()["material"] = serde_json::json!(0);
     let warnings = file.loaded().warnings;
-    let said = |w: &String| w.contains("anisotropy is ignored");
-    assert!(warnings.iter().any(said), "{warnings:?}");
+    let message = |w: &String| w.contains("anisotropy is ignored");
+    assert!(warnings.iter().any(message), "{warnings:?}");
 }
 
 /// Smooth meshes get a single tangent per vertex, so that highlights show no facets.

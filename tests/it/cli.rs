@@ -31,16 +31,16 @@ use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 
 /// A folder in which the program runs.
-pub(crate) struct Place(TempDir);
+pub(crate) struct TestFolder(TempDir);
 
 /// Exit code and texts of a run.
-pub(crate) struct Ended {
+pub(crate) struct RunResult {
     pub(crate) code: Option<i32>,
     pub(crate) out: String,
     pub(crate) err: String,
 }
 
-impl Ended {
+impl RunResult {
     fn of(output: Output) -> Self {
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
         let ended = Self {
@@ -59,7 +59,7 @@ impl Ended {
     }
 }
 
-impl Place {
+impl TestFolder {
     /// A folder with `scene.glb` in it: a small lamp over a plane.
     pub(crate) fn new() -> Self {
         let place = Self(tempfile::tempdir().expect("a folder"));
@@ -104,12 +104,12 @@ impl Place {
 
     /// Runs the program with a limit on file sizes in bytes, a multiple of 512: writing fails as on a full disk.
     #[cfg(unix)]
-    pub(crate) fn opsr_on_a_full_disk(&self, bytes: u64, args: &str) -> Ended {
+    pub(crate) fn opsr_on_a_full_disk(&self, bytes: u64, args: &str) -> RunResult {
         let (program, blocks) = (env!("CARGO_BIN_EXE_opsr"), bytes / 512);
         // Without the trap a signal would end the program.
         let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec {program} {args}");
         let mut shell = self.command("sh");
-        Ended::of(shell.args(["-c", &script]).output().expect("a shell"))
+        RunResult::of(shell.args(["-c", &script]).output().expect("a shell"))
     }
 
     /// The program in this folder, with few threads and without log settings of the environment.
@@ -122,21 +122,21 @@ impl Place {
     }
 
     /// Runs the program; arguments are separated by blanks.
-    pub(crate) fn opsr(&self, args: &str) -> Ended {
+    pub(crate) fn opsr(&self, args: &str) -> RunResult {
         let mut command = self.command(env!("CARGO_BIN_EXE_opsr"));
         let command = command.args(args.split_whitespace());
-        Ended::of(command.output().expect("the program"))
+        RunResult::of(command.output().expect("the program"))
     }
 
     /// Runs the program until a file exists, then interrupts it as Ctrl-C does.
     #[cfg(unix)]
-    pub(crate) fn interrupted(&self, args: &str, file: &str) -> Ended {
+    pub(crate) fn interrupted(&self, args: &str, file: &str) -> RunResult {
         self.signalled("INT", args, file)
     }
 
     /// Runs the program until a file exists, then sends it a signal.
     #[cfg(unix)]
-    pub(crate) fn signalled(&self, signal: &str, args: &str, file: &str) -> Ended {
+    pub(crate) fn signalled(&self, signal: &str, args: &str, file: &str) -> RunResult {
         self.meanwhile(signal, args, file, || {})
     }
 
@@ -148,7 +148,7 @@ impl Place {
         args: &str,
         file: &str,
         beside: impl FnOnce(),
-    ) -> Ended {
+    ) -> RunResult {
         let mut command = self.command(env!("CARGO_BIN_EXE_opsr"));
         let command = command.args(args.split_whitespace());
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -162,11 +162,11 @@ impl Place {
         let id = child.id().to_string();
         let kill = Command::new("kill").args(["-s", signal, &id]).status();
         assert!(kill.expect("kill").success());
-        Ended::of(child.wait_with_output().expect("an end"))
+        RunResult::of(child.wait_with_output().expect("an end"))
     }
 
     /// A render of 16 x 16 pixels that can be compared byte for byte.
-    pub(crate) fn render(&self, args: &str) -> Ended {
+    pub(crate) fn render(&self, args: &str) -> RunResult {
         let common = "--size 16x16 --reproducible --progress none";
         self.opsr(&format!("render scene.glb {common} {args}"))
     }

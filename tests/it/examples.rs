@@ -18,7 +18,7 @@ mod study;
 #[allow(dead_code)]
 mod train;
 
-use crate::cli::Place;
+use crate::cli::TestFolder;
 use crate::support::{quick_folder, root};
 use opsr::image::denoise::Denoiser;
 use opsr::image::exr;
@@ -73,7 +73,7 @@ fn example_levels_and_layers_chooses_levels() {
 /// A short program with the facade makes the picture of the command line.
 #[test]
 fn facade_renders_the_picture_of_the_program() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     let path = place.path().join("scene.glb");
     let scene = Scene::open(&path).expect("a scene");
@@ -114,7 +114,7 @@ fn facade_renders_the_picture_of_the_program() {
 /// Files of the library equal the program's: every EXR layer, the metadata except the scene, and PNG files.
 #[test]
 fn facade_writes_the_files_of_the_program() {
-    let place = Place::new();
+    let place = TestFolder::new();
     // Only the sun: glTF has no environment.
     let parts = SceneParts {
         environment: None,

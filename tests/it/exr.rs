@@ -154,11 +154,14 @@ fn exr_error_determinism_of_two_faults() {
     bytes[broken..broken + 64].fill(0);
     bytes.truncate(end);
     std::fs::write(&path, &bytes).unwrap();
-    let told: BTreeSet<String> = (0..40)
+    let report: BTreeSet<String> = (0..40)
         .map(|_| exr::read_rgb(&path).unwrap_err().to_string())
         .collect();
-    assert_eq!(told.len(), 1, "{told:?}");
-    assert!(told.iter().all(|t| t.contains("compressed")), "{told:?}");
+    assert_eq!(report.len(), 1, "{report:?}");
+    assert!(
+        report.iter().all(|t| t.contains("compressed")),
+        "{report:?}"
+    );
 }
 
 #[test]

@@ -108,7 +108,7 @@ fn a_sun_outside_a_closed_room_changes_nothing() {
 }
 
 /// Lights of every kind around the origin: small and huge, one- and double-sided, coincident, slivers, and at infinity.
-fn zoo() -> SceneParts {
+fn all_light_kinds() -> SceneParts {
     let mut u = stream(3);
     let mut next = || u.next_1d();
     let mut parts = SceneParts::default();
@@ -191,7 +191,7 @@ fn points(scene: &Scene) -> Vec<Vec3> {
 
 #[test]
 fn chi_square_of_the_light_tree() {
-    let scene = scene(zoo());
+    let scene = scene(all_light_kinds());
     let (lights, n) = (scene.lights(), count(&scene));
     let mut found = Vec::new();
     let mut u = stream(5);
@@ -217,7 +217,7 @@ fn chi_square_of_the_light_tree() {
 
 #[test]
 fn every_light_that_reaches_a_point_has_a_probability() {
-    let scene = scene(zoo());
+    let scene = scene(all_light_kinds());
     let (lights, parts) = (scene.lights(), scene.parts());
     let area = lights.emissive_triangles();
     assert_eq!(area, scene.geometry().len());
@@ -259,7 +259,7 @@ fn every_light_that_reaches_a_point_has_a_probability() {
 
 #[test]
 fn densities_of_light_samples_match_those_of_rays() {
-    let scene = scene(zoo());
+    let scene = scene(all_light_kinds());
     let lights = scene.lights();
     let area = lights.emissive_triangles();
     let (mut u, mut met) = (stream(7), [0; 3]);

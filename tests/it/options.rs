@@ -1,7 +1,7 @@
 //! Every option of a render, alone and in pairs: it is refused with a reason, changes pixels and metadata together, or
 //! is declared to keep the pixels.
 
-use crate::cli::Place;
+use crate::cli::TestFolder;
 use crate::support::gltf::File;
 use crate::support::root;
 use opsr::image::exr::{self, Metadata};
@@ -170,14 +170,14 @@ type Outcome = Result<(Vec<u32>, Metadata), String>;
 
 /// Renders of the scene, cached by their options.
 struct Renders {
-    place: Place,
+    place: TestFolder,
     scenes: HashMap<String, Result<Rc<Opened>, String>>,
     made: HashMap<Choices, Rc<Outcome>>,
 }
 
 impl Renders {
     fn new() -> Self {
-        let place = Place::new();
+        let place = TestFolder::new();
         place.write("scene.glb", scene());
         Self {
             place,
@@ -215,10 +215,10 @@ impl Renders {
             sha256: &opened.sha256,
             in_studio: false,
         };
-        let said = |fault: Fault| fault.to_string();
-        let request = Request::new(&spec, subject, None).map_err(said)?;
-        let hear = &mut |_: &RenderProgress, _: &_| ControlFlow::Continue(());
-        let (request, output) = run(request, hear).map_err(said)?;
+        let message = |fault: Fault| fault.to_string();
+        let request = Request::new(&spec, subject, None).map_err(message)?;
+        let callback = &mut |_: &RenderProgress, _: &_| ControlFlow::Continue(());
+        let (request, output) = run(request, callback).map_err(message)?;
         let shown = request.spec.shown(&output.picture);
         let bits = shown
             .pixels
@@ -410,7 +410,7 @@ fn options_that_most_renders_use_have_short_help() {
     let common = || OPTIONS.iter().filter(|option| option.common);
     let long: Vec<String> = common().filter(long).map(Opt::short_help).collect();
     assert!(long.is_empty(), "{long:#?}");
-    let place = Place::new();
+    let place = TestFolder::new();
     let [short, whole] =
         ["-h", "--help"].map(|help| place.opsr(&format!("render {help}")).done().out);
     for option in common() {

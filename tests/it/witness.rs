@@ -131,8 +131,8 @@ fn render_of_a_program_has_the_witness() {
     let path = folder.path().join("out.exr");
     rendered.save(&path).expect("written");
     let file = opsr::image::exr::read_layers(&path).expect("a file");
-    let said = file.metadata.get("light_missing").map(String::as_str);
-    assert_eq!(said, Some(&*format!("{:.3}", missing.share)));
+    let message = file.metadata.get("light_missing").map(String::as_str);
+    assert_eq!(message, Some(&*format!("{:.3}", missing.share)));
 }
 
 /// Pictures that miss no light, within noise.

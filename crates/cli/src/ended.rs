@@ -15,7 +15,7 @@ use opsr::render::open::Opened;
 use opsr::resolve::Statement;
 
 /// A render that has ended.
-pub(super) struct Ended<'a> {
+pub(super) struct FinishedRender<'a> {
     pub(super) args: &'a RenderArgs,
     pub(super) request: &'a Request<'a>,
     pub(super) opened: &'a Opened,
@@ -27,7 +27,7 @@ pub(super) struct Ended<'a> {
     pub(super) saved: &'a Saved,
 }
 
-impl Ended<'_> {
+impl FinishedRender<'_> {
     fn film(&self) -> &Film {
         &self.saved.finished.outcome.picture.film
     }

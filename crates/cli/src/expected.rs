@@ -17,7 +17,7 @@ const SAMPLES: u32 = 64;
 
 /// Most pixels in a pass of the short render, and its least duration in seconds.
 const PIXELS: f64 = 1e4;
-const LEAST: f64 = 0.15;
+const MIN_SECONDS: f64 = 0.15;
 
 /// Most triangles for the short render: their trees take a second or two.
 const TRIANGLES: usize = 1_000_000;
@@ -57,7 +57,7 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
     integrator.pass(&view, 0..1, &mut picture);
     let clock = Instant::now();
     let mut samples = 0;
-    while clock.elapsed().as_secs_f64() < LEAST {
+    while clock.elapsed().as_secs_f64() < MIN_SECONDS {
         samples += integrator.pass(&view, samples + 1..samples + 2, &mut picture);
     }
     let pilot = clock.elapsed().as_secs_f64();

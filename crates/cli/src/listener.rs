@@ -55,10 +55,10 @@ pub(super) struct Saved {
 }
 
 /// Callback after every pass of a run.
-pub(super) struct Listener<'a> {
+pub(super) struct RenderCallback<'a> {
     run: Run<'a>,
     bar: Bar,
-    truth: Option<Truth>,
+    truth: Option<Reference>,
     log: Option<ErrorLog>,
     /// Pace of the error estimates during the render; `None` if nothing shows them.
     errors: Option<Pace>,
@@ -70,12 +70,12 @@ pub(super) struct Listener<'a> {
     unlogged: Option<anyhow::Error>,
 }
 
-impl<'a> Listener<'a> {
+impl<'a> RenderCallback<'a> {
     /// Opens the log and reads the reference.
     pub(super) fn open(run: Run<'a>, picture: &Picture) -> anyhow::Result<Self> {
         let args = run.args;
         let truth = match &args.reference {
-            Some(path) => Some(Truth::load(path, &picture.film)?),
+            Some(path) => Some(Reference::load(path, &picture.film)?),
             None => None,
         };
         let log = match args.log() {
@@ -250,11 +250,11 @@ impl<'a> Listener<'a> {
 }
 
 /// The reference of a render.
-struct Truth {
+struct Reference {
     reference: Buffer,
 }
 
-impl Truth {
+impl Reference {
     fn load(path: &Path, film: &Film) -> anyhow::Result<Self> {
         let (name, window) = (path.display(), film.window);
         let reference = Named::load(path).input()?.showing(film.size, window);

@@ -1,10 +1,10 @@
 //! `opsr render`: renders a scene to picture files.
 
 use super::bar::Style;
-use super::ended::Ended;
+use super::ended::FinishedRender;
 use super::exit::{Blame, Exit, IntoExit};
 use super::film;
-use super::listener::{Listener, Run};
+use super::listener::{RenderCallback, Run};
 use super::output::note;
 use super::render_args::RenderArgs;
 use super::stop::Stop;
@@ -218,7 +218,7 @@ impl RenderJob<'_> {
             start,
             spent,
         };
-        let mut listener = Listener::open(run, &begun.picture)?;
+        let mut listener = RenderCallback::open(run, &begun.picture)?;
         let on_pass =
             &mut |progress: &RenderProgress, picture: &Picture| listener.on_pass(progress, picture);
         let asked = self.stop.flag();
@@ -235,7 +235,7 @@ impl RenderJob<'_> {
         }
         let (progress, reason) = (output.progress, output.reason);
         let saved = listener.close(output)?;
-        let ended = Ended {
+        let ended = FinishedRender {
             args,
             request: &request,
             opened: self.opened,

@@ -1,11 +1,11 @@
 //! `--integrator auto`: its choice, and that a resumed render keeps it.
 
-use super::Place;
+use super::TestFolder;
 use opsr::image::exr;
 use opsr_lab::gallery;
 
-fn place(scene: &str) -> Place {
-    let place = Place::new();
+fn place(scene: &str) -> TestFolder {
+    let place = TestFolder::new();
     let mut parts = gallery::builtin(scene).expect("a scene");
     // Environment maps cannot be written to the file.
     parts.environment = None;
@@ -14,7 +14,7 @@ fn place(scene: &str) -> Place {
 }
 
 /// The integrator in a picture's metadata.
-fn integrator(place: &Place, file: &str) -> String {
+fn integrator(place: &TestFolder, file: &str) -> String {
     let layers = exr::read_layers(&place.path().join(file)).expect("a picture");
     layers.metadata["integrator"].clone()
 }
@@ -31,8 +31,8 @@ fn auto_chooses_an_integrator_that_finds_the_light() {
         let chosen = integrator(&place, "auto.exr");
         assert!(expected.contains(&chosen.as_str()), "{}", ended.err);
         let says = format!("integrator {chosen}: ");
-        let said = ended.err.lines().any(|line| line.contains(&says));
-        assert!(said, "{}", ended.err);
+        let message = ended.err.lines().any(|line| line.contains(&says));
+        assert!(message, "{}", ended.err);
         // The pilot does not affect the picture, and reproducible renders always choose the same.
         place
             .render(&format!("--integrator {chosen} --spp 64 -o named.exr"))
@@ -86,7 +86,7 @@ fn auto_resume_goes_on_with_the_same_integrator() {
 
 #[test]
 fn auto_refuses_what_it_cannot_choose_for() {
-    let place = Place::new();
+    let place = TestFolder::new();
     for args in ["--set mode=pbrt", "--set mlt_pass=4", "--set trials=4"] {
         let ended = place.render(&format!("--integrator auto {args}"));
         assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
@@ -105,7 +105,7 @@ fn auto_refuses_what_it_cannot_choose_for() {
 fn lens_and_dispersion_take_no_candidate_away() {
     let mut parts = gallery::caustic_box();
     parts.materials.iter_mut().for_each(|m| m.dispersion = 0.5);
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &parts);
     let lens = "--lens 0.1,3";
     place
@@ -158,13 +158,13 @@ fn crops_and_parts_of_a_choice_are_those_of_the_whole_picture() {
         .opsr(&format!("{render} --verbose --resolve raw -o whole.exr"))
         .done();
     let whole = exr::read_rgb(&place.path().join("whole.exr")).expect("a picture");
-    let said = place
+    let message = place
         .opsr(&format!(
             "{render} --verbose --resolve raw --crop 8,8,4,4 -o crop.exr"
         ))
         .done()
         .err;
-    assert!(said.contains("pilot: "), "{said}");
+    assert!(message.contains("pilot: "), "{message}");
     let crop = exr::read_rgb(&place.path().join("crop.exr")).expect("a picture");
     for (i, pixel) in crop.pixels.iter().enumerate() {
         assert_eq!(*pixel, whole.pixels[(8 + i / 4) * 48 + 8 + i % 4]);
@@ -180,7 +180,7 @@ fn crops_and_parts_of_a_choice_are_those_of_the_whole_picture() {
 
 #[test]
 fn mlt_refuses_what_it_cannot_take() {
-    let place = Place::new();
+    let place = TestFolder::new();
     for (args, word) in [
         ("--integrator mlt --set mode=pbrt", "mlt"),
         ("--integrator mlt --set radius=0.1", "radius"),

@@ -1,6 +1,6 @@
 //! Failures: the documented exit code, a message that names the cause, and no changed file.
 
-use super::{Ended, Place};
+use super::{RunResult, TestFolder};
 use crate::fuzz::seeds;
 use crate::support::gltf::File;
 use opsr::image::{Buffer, exr};
@@ -12,8 +12,8 @@ fn half(bytes: &[u8]) -> &[u8] {
 }
 
 /// A folder with valid and invalid files of every kind, and older results.
-fn place() -> Place {
-    let place = Place::new();
+fn place() -> TestFolder {
+    let place = TestFolder::new();
     place.write("old.exr", "what was there before");
     place.write("old.png", "what was there before");
     place.write("old.json", "what was there before");
@@ -486,7 +486,7 @@ fn exit_codes_and_messages() {
             true => format!("{args} -o old.exr -o old.png"),
             false => args.to_owned(),
         };
-        let Ended {
+        let RunResult {
             code: found, err, ..
         } = place.opsr(&args);
         // Messages have one line, without repetition; those of the parsers of arguments and of TOML have more.
@@ -504,7 +504,7 @@ fn exit_codes_and_messages() {
 
 #[test]
 fn exit_codes_are_documented() {
-    let help = Place::new().opsr("--help").done().out;
+    let help = TestFolder::new().opsr("--help").done().out;
     for words in [
         "0 done",
         "1 failed",
@@ -538,7 +538,7 @@ fn closed_pipe_is_no_error_and_full_output_is() {
             let command = command.args(args.split_whitespace());
             command.stderr(std::process::Stdio::piped());
             let child = command.stdout(out).spawn().expect("the program");
-            Ended::of(child.wait_with_output().expect("an end"))
+            RunResult::of(child.wait_with_output().expect("an end"))
         };
         let (reader, writer) = std::io::pipe().expect("a pipe");
         drop(reader);
@@ -558,7 +558,7 @@ fn closed_pipe_is_no_error_and_full_output_is() {
 #[test]
 #[cfg(unix)]
 fn full_disk_leaves_the_old_picture() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("old.exr", "what was there before");
     place.write("old.png", "what was there before");
     let before = place.files();
@@ -573,7 +573,7 @@ fn full_disk_leaves_the_old_picture() {
             "trap '' XFSZ; ulimit -f 1; exec {program} render scene.glb --size 64x64 --spp 2 --progress none {output}"
         );
         let mut shell = place.command("sh");
-        let ended = Ended::of(shell.args(["-c", &script]).output().expect("a shell"));
+        let ended = RunResult::of(shell.args(["-c", &script]).output().expect("a shell"));
         assert_eq!(ended.code, Some(4), "{output}: {}", ended.err);
         assert!(place.files() == before, "{output} changed files");
     }
@@ -583,7 +583,7 @@ fn full_disk_leaves_the_old_picture() {
 #[test]
 #[cfg(unix)]
 fn environment_map_from_a_pipe_is_refused() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let made = std::process::Command::new("mkfifo")
         .arg(place.path().join("sky.hdr"))
         .status();

@@ -2,7 +2,7 @@
 
 #[cfg(unix)]
 use super::shut::Shut;
-use super::{Ended, Place};
+use super::{RunResult, TestFolder};
 use crate::fuzz::seeds;
 use crate::support::gltf::File;
 use opsr::image::{Buffer, exr};
@@ -20,7 +20,7 @@ fn long() -> String {
 #[test]
 #[cfg(unix)]
 fn exit_code_of_a_bench_that_cannot_write() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("suite.toml", SUITE);
     place.opsr("bench suite.toml -o old.json").done();
     let state = || (place.files(), place.files_in("old.pictures"));
@@ -28,7 +28,7 @@ fn exit_code_of_a_bench_that_cannot_write() {
     assert_eq!(before.1.len(), 2, "a reference and a picture");
     // With another time point everything is measured again.
     place.write("suite.toml", SUITE.replace("[1]", "[2]"));
-    let refused = |ended: Ended, what: &str| {
+    let refused = |ended: RunResult, what: &str| {
         assert_eq!(ended.code, Some(4), "{what}: {}", ended.err);
         let mut now = state();
         now.0.insert("suite.toml".into(), SUITE.into());
@@ -60,7 +60,7 @@ fn exit_code_of_a_bench_that_cannot_write() {
 #[test]
 #[cfg(unix)]
 fn exit_code_of_a_report_that_cannot_be_written() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("suite.toml", SUITE);
     place.opsr("bench suite.toml -o results.json").done();
     place.write("old.html", "what was there before");
@@ -88,7 +88,7 @@ fn exit_code_of_a_report_that_cannot_be_written() {
 #[test]
 #[cfg(unix)]
 fn exit_code_of_a_read_only_folder() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("suite.toml", SUITE.replace("[1]", "[1, 2]"));
     place.opsr("bench suite.toml -o results.json").done();
     place.write("table.json", &seeds::tables()[1]);
@@ -216,7 +216,7 @@ mod training {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full");
         command.args(args.split_whitespace());
         command.stdout(full.expect("/dev/full"));
-        super::super::Ended::of(command.output().expect("an end")).done();
+        super::super::RunResult::of(command.output().expect("an end")).done();
     }
 }
 
@@ -224,7 +224,7 @@ mod training {
 #[test]
 #[cfg(unix)]
 fn a_checkpoint_that_cannot_be_saved_ends_no_render() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let render = "render scene.glb --size 16x16 --spp 64 --threads 1 --progress none";
     place.opsr(&format!("{render} -o whole.png")).done();
     let ended = place.opsr_on_a_full_disk(
@@ -243,7 +243,7 @@ fn a_checkpoint_that_cannot_be_saved_ends_no_render() {
 #[test]
 #[cfg(unix)]
 fn files_that_can_be_written_are() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let args = "render scene.glb --size 32x32 --spp 2 --progress none --exr none -o out.exr -o out.png --stats out.json";
     let ended = place.opsr_on_a_full_disk(16384, args);
     assert_eq!(ended.code, Some(4), "{}", ended.err);
@@ -255,7 +255,7 @@ fn files_that_can_be_written_are() {
 /// No output replaces an input or another output.
 #[test]
 fn outputs_have_names_of_their_own() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("table.json", &seeds::tables()[1]);
     place.render("--spp 1 -o a.exr").done();
     std::fs::create_dir(place.path().join("folder")).expect("a folder");
@@ -305,7 +305,7 @@ fn outputs_have_names_of_their_own() {
 
 #[test]
 fn a_black_picture_of_a_lit_scene_is_named() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let mut file = File::triangle();
     file.json["extensionsUsed"] = json!(["KHR_lights_punctual"]);
     file.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point" }] } });
@@ -323,7 +323,7 @@ fn a_black_picture_of_a_lit_scene_is_named() {
 #[test]
 #[cfg(unix)]
 fn checkpoint_in_use_is_refused() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let args = "render scene.glb --size 32x32 --spp 1000000 --progress none --save-every 20ms --checkpoint a.ckpt -o out.exr";
     let mut second = None;
     let first = place.meanwhile("INT", args, "a.ckpt", || {
@@ -345,7 +345,7 @@ fn checkpoint_in_use_is_refused() {
 #[test]
 #[cfg(unix)]
 fn picture_changed_during_a_render_is_named() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let args = "render scene.glb --size 32x32 --spp 1000000 --progress none --save-every 10s --stats seen.csv -o out.exr -o out.png";
     let ended = place.meanwhile("INT", args, "seen.csv", || {
         place.write("out.png", "another picture");

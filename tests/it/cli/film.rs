@@ -1,13 +1,13 @@
 //! `opsr render --frames` and `opsr film`.
 
-use super::Place;
+use super::TestFolder;
 use crate::support::gltf::File;
 use opsr::image::exr;
 use opsr_lab::gallery::{self, glb};
 use serde_json::json;
 
 /// A folder with a caustic box, whose camera approaches, and unless `still` a mesh that rises.
-fn moving(still: bool) -> Place {
+fn moving(still: bool) -> TestFolder {
     let mut file = File::from_glb(&glb::to_glb(&gallery::caustic_box()).unwrap());
     let nodes = file.json["nodes"].as_array().unwrap();
     let camera = nodes.iter().position(|n| n.get("camera").is_some());
@@ -33,7 +33,7 @@ fn moving(still: bool) -> Place {
             }),
         );
     }
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("scene.glb", file.glb());
     place
 }

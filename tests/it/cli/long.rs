@@ -1,10 +1,10 @@
 //! Files and lines that are too long: exit code 3 and a short message.
 
-use super::Place;
+use super::TestFolder;
 use crate::fuzz::seeds;
 
 /// Extends a file by a hole, which takes no disk space.
-fn lengthen(place: &Place, name: &str, bytes: u64) {
+fn lengthen(place: &TestFolder, name: &str, bytes: u64) {
     let file = std::fs::File::options()
         .write(true)
         .open(place.path().join(name));
@@ -14,7 +14,7 @@ fn lengthen(place: &Place, name: &str, bytes: u64) {
 
 #[test]
 fn environment_map_with_gigabytes_behind_it_is_refused() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("sky.hdr", &seeds::hdr()[0]);
     place.render("--spp 1 --env sky.hdr -o out.exr").done();
     lengthen(&place, "sky.hdr", (1 << 31) + 1);
@@ -26,7 +26,7 @@ fn environment_map_with_gigabytes_behind_it_is_refused() {
 
 #[test]
 fn errors_in_long_toml_lines_are_short() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let line = format!("seeds = 5 # {0}\nlong ? {0}\n", "long ".repeat(99_999));
     place.write("line.toml", line);
     let before = place.files();

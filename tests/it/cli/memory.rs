@@ -1,17 +1,17 @@
 //! Work that needs more memory than is free: refused before allocation, with exit code 7 and the number of bytes.
 
-use super::{Ended, Place};
+use super::{RunResult, TestFolder};
 use crate::instances::{grid, spread};
 use crate::support::gltf::File;
 use serde_json::json;
 
-impl Place {
+impl TestFolder {
     /// Runs the program with an address space of this many kilobytes.
-    fn opsr_in_memory(&self, kilobytes: u64, args: &str) -> Ended {
+    fn opsr_in_memory(&self, kilobytes: u64, args: &str) -> RunResult {
         let program = env!("CARGO_BIN_EXE_opsr");
         let script = format!("ulimit -v {kilobytes}; exec {program} {args}");
         let mut shell = self.command("sh");
-        Ended::of(shell.args(["-c", &script]).output().expect("a shell"))
+        RunResult::of(shell.args(["-c", &script]).output().expect("a shell"))
     }
 }
 
@@ -30,7 +30,7 @@ fn lamps(nodes: usize) -> Vec<u8> {
 
 #[test]
 fn memory_of_eight_million_triangles_is_refused_before_it_is_taken() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("many.glb", lamps(3000));
     place.write("few.glb", lamps(100));
     for args in [
@@ -48,7 +48,7 @@ fn memory_of_eight_million_triangles_is_refused_before_it_is_taken() {
 
 #[test]
 fn memory_of_shared_instances_is_counted_once() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let mut file = grid(71);
     spread(&mut file, 10_000);
     place.write("shared.glb", file.glb());
@@ -68,7 +68,7 @@ fn memory_of_shared_instances_is_counted_once() {
 
 #[test]
 fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let render = |options: &str| {
         let common = "--spp 1 --max-vertices 1 --progress none -o out.exr";
         place.opsr_in_memory(1_500_000, &format!("render scene.glb {common} {options}"))

@@ -1,6 +1,6 @@
 //! Outputs of commands that succeed: comparisons, plots, a live view.
 
-use super::Place;
+use super::TestFolder;
 use crate::fuzz::seeds;
 use opsr::image::denoise::Denoiser;
 use opsr::image::{Buffer, exr, png};
@@ -11,14 +11,14 @@ use opsr_lab::report::compare::{Named, Options, compare};
 use serde_json::Value;
 
 /// A folder with the caustic box and a table.
-fn caustics() -> Place {
-    let place = Place::new();
+fn caustics() -> TestFolder {
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
     place
 }
 
-fn picture(place: &Place, name: &str) -> Buffer {
+fn picture(place: &TestFolder, name: &str) -> Buffer {
     exr::read_rgb(&place.path().join(name)).expect("a picture")
 }
 
@@ -186,7 +186,7 @@ fn compare_exit_code_of_pictures_that_differ() {
 
 #[test]
 fn report_plots_determinism() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write(
         "suite.toml",
         "seeds = 4\nsamples = [1, 4]\n[[scene]]\nname = 'a box/1'\nbuiltin = 'caustic-box'\nsize = [16, 16]\n\
@@ -214,7 +214,7 @@ fn report_plots_determinism() {
 }
 
 /// Asserts that the command failed with this exit code and these words.
-fn fails(ended: super::Ended, code: i32, words: &str) {
+fn fails(ended: super::RunResult, code: i32, words: &str) {
     assert_eq!(ended.code, Some(code), "{}", ended.err);
     assert!(ended.err.contains(words), "{}", ended.err);
 }
@@ -222,7 +222,7 @@ fn fails(ended: super::Ended, code: i32, words: &str) {
 /// File endings are recognised in any case.
 #[test]
 fn outputs_in_capitals_are_written() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::cornell_box());
     place.render("--spp 1 -o A.EXR -o b.Png").done();
     exr::read_rgb(&place.path().join("A.EXR")).expect("a picture");
@@ -232,7 +232,7 @@ fn outputs_in_capitals_are_written() {
 /// A named scene of the gallery is written; a scene that a file cannot hold is an error.
 #[test]
 fn scenes_that_are_named_are_written() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let written = place.opsr("scenes write torus-in-glass").done().out;
     assert_eq!(written.trim(), "training_scenes/torus-in-glass.glb");
     let parts = gallery::builtin("torus-in-glass").expect("a scene");
@@ -248,7 +248,7 @@ fn scenes_that_are_named_are_written() {
 /// Options for layers that no output file would hold are refused.
 #[test]
 fn layers_with_only_a_png_are_refused() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::cornell_box());
     for option in ["--aov", "--opsr-table 0.1 --aov each-level"] {
         let ended = place.render(&format!("--spp 1 {option} -o out.png"));
@@ -260,7 +260,7 @@ fn layers_with_only_a_png_are_refused() {
 /// A model without light gets the studio, with a note in the closing line; without any light there is no picture.
 #[test]
 fn scenes_without_light_are_lit_or_refused() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let mut parts = gallery::cornell_box();
     for material in &mut parts.materials {
         material.emission = opsr::math::Rgb::ZERO;
@@ -317,7 +317,7 @@ fn scenes_without_light_are_lit_or_refused() {
 #[test]
 fn outputs_do_not_replace_textures_and_buffers() {
     use crate::support::gltf::{File, png};
-    let place = Place::new();
+    let place = TestFolder::new();
     let mut file = File::triangle();
     let picture = image::RgbImage::from_pixel(2, 2, image::Rgb([200, 90, 90]));
     place.write("tex.png", png(&picture.into()));
@@ -391,7 +391,7 @@ fn resolve_keeps_the_metadata_of_the_render() {
 /// The hint for a rejected sample is a command that reproduces it.
 #[test]
 fn hint_for_a_refused_sample_is_a_command() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let mut parts = crate::support::scenes::point_light_over_plane();
     // Radiance below the light overflows.
     parts.lights = vec![PunctualLight::Point {
@@ -414,9 +414,11 @@ fn hint_for_a_refused_sample_is_a_command() {
         "3",
     ];
     let ended = command.args(args).output().expect("the program");
-    let told = String::from_utf8(ended.stderr).expect("UTF-8");
-    assert!(told.contains("samples were refused"), "{told}");
-    let (_, hint) = told.split_once("to see one again: opsr ").expect("a hint");
+    let report = String::from_utf8(ended.stderr).expect("UTF-8");
+    assert!(report.contains("samples were refused"), "{report}");
+    let (_, hint) = report
+        .split_once("to see one again: opsr ")
+        .expect("a hint");
     let hint = hint.lines().next().expect("a line");
     assert!(
         hint.contains("'a scene.glb'") && hint.contains("--opsr-table 0.3"),
@@ -428,7 +430,10 @@ fn hint_for_a_refused_sample_is_a_command() {
         .args(["-c", &script])
         .output()
         .expect("a shell");
-    let told = String::from_utf8(again.stderr).expect("UTF-8");
-    assert!(again.status.success(), "{script}: {told}");
-    assert!(told.contains("samples were refused"), "{script}: {told}");
+    let report = String::from_utf8(again.stderr).expect("UTF-8");
+    assert!(again.status.success(), "{script}: {report}");
+    assert!(
+        report.contains("samples were refused"),
+        "{script}: {report}"
+    );
 }

@@ -1,13 +1,13 @@
 //! `opsr part` and `opsr merge`.
 
-use super::Place;
+use super::TestFolder;
 use crate::fuzz::repair::sealed;
 use opsr_lab::gallery;
 
 /// Splits by samples, by crops, and by both, in another order, and with other numbers of threads.
 #[test]
 fn parts_merge_to_the_bytes_of_the_single_render() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     for settings in [
         "--aov albedo,alpha,emission,indirect",
@@ -56,7 +56,7 @@ fn parts_merge_to_the_bytes_of_the_single_render() {
 
 #[test]
 fn parts_of_other_renders_are_refused_by_name() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("other.glb", &gallery::caustic_box());
     let part = |scene: &str, args: &str, name: &str| {
         let common = "--size 8x8 --progress none --integrator path";
@@ -172,7 +172,7 @@ fn parts_of_other_renders_are_refused_by_name() {
 /// Help lists the options of each command: a part has no limits except samples and no options of the whole picture.
 #[test]
 fn parts_and_traces_list_their_own_options() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let help = |command: &str| place.opsr(&format!("{command} --help")).done().out;
     for (command, there, not) in [
         (
@@ -199,7 +199,7 @@ fn parts_and_traces_list_their_own_options() {
 #[test]
 #[cfg(unix)]
 fn parts_are_whole_or_not_there() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let long = "part scene.glb --size 64x64 --samples 1..1000000 -o long.part --progress json";
     let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
     command
@@ -229,7 +229,7 @@ fn parts_are_whole_or_not_there() {
 /// Invalid numbers with a valid checksum: in a part of later samples, a checkpoint and AOVs.
 #[test]
 fn absurd_numbers_behind_a_right_checksum_are_refused() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let path = "--integrator path --resolve raw";
     for (name, samples) in [("first.part", "0..1"), ("a.part", "1..3")] {
         let part = format!("part scene.glb --size 16x16 {path} --samples {samples} -o {name}");

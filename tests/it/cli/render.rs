@@ -1,6 +1,6 @@
 //! `opsr render`: files in and out, interruption, resumption.
 
-use super::{Ended, Place};
+use super::{RunResult, TestFolder};
 use crate::fuzz::seeds;
 use crate::support::gltf::File;
 use crate::support::root;
@@ -10,7 +10,7 @@ use serde_json::json;
 
 #[test]
 fn render_writes_its_outputs_and_nothing_else() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::cornell_box());
     let all = "--spp 4 --resolve raw --aov --exposure none -o out.exr -o out.png";
     let ended = place.render(all).done();
@@ -45,7 +45,7 @@ fn render_writes_its_outputs_and_nothing_else() {
 /// A lens blurs surfaces out of focus, and 0 is a pinhole again; wrong uses are errors.
 #[test]
 fn lens_changes_the_picture() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::cornell_box());
     let picture = |options: &str| {
         let file = format!("{}.exr", options.len());
@@ -89,7 +89,7 @@ fn seconds_and_frames_choose_a_moment() {
             "channels": [{ "sampler": 0, "target": { "node": camera, "path": "translation" } }],
         }),
     );
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("scene.glb", file.glb());
     let picture = |options: &str| {
         place
@@ -117,7 +117,7 @@ fn seconds_and_frames_choose_a_moment() {
 /// The closing line names the written files and their error in plain words.
 #[test]
 fn summary_line_names_files_samples_time_and_error() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let ended = place.opsr("render scene.glb --size 16x8 --spp 4 --verbose -o out.exr -o out.png");
     let ended = ended.done();
     let is_summary = |line: &&str| {
@@ -151,7 +151,7 @@ fn summary_line_names_files_samples_time_and_error() {
 /// The exposure of the closing line, given as an option, makes the same PNG file; EXR files do not depend on it.
 #[test]
 fn exposure_auto_is_printed_and_leaves_exr_files_alone() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let mut parts = gallery::cornell_box();
     for material in &mut parts.materials {
         material.emission *= 5000.0;
@@ -184,7 +184,7 @@ fn exposure_auto_is_printed_and_leaves_exr_files_alone() {
 /// `render` and `info` warn of glass without a thickness, and name the remedy.
 #[test]
 fn solid_glass_turns_closed_thin_walls_into_bodies() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let mut parts = gallery::caustic_box();
     for material in &mut parts.materials {
         material.solid = false;
@@ -217,7 +217,7 @@ fn solid_glass_turns_closed_thin_walls_into_bodies() {
 /// A warning for tables with GGX lobes, and for tables of a single training scene.
 #[test]
 fn table_warns_of_ggx_lobes_and_of_one_training_scene() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let shipped = std::fs::read(root().join("params/beta-0.001.json"));
     let mut table: serde_json::Value = serde_json::from_slice(&shipped.unwrap()).unwrap();
     let scenes = table["training"]["scenes"].as_array_mut().unwrap();
@@ -244,7 +244,7 @@ fn table_warns_of_ggx_lobes_and_of_one_training_scene() {
 /// The shipped tables are available by name, unless a file has this name.
 #[test]
 fn table_by_name_is_the_shipped_file() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     let picture = |table: &str| {
         place
@@ -271,7 +271,7 @@ fn table_by_name_is_the_shipped_file() {
 /// Every layer by name, and errors for layers that the render does not have.
 #[test]
 fn aov_layers_are_written_by_name() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     let layers = |args: &str| {
         let args = format!("--spp 4 --integrator path --resolve raw -o out.exr {args}");
@@ -329,7 +329,7 @@ fn aov_layers_are_written_by_name() {
 
 #[test]
 fn size_and_crop_as_shares_equal_those_in_pixels() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     let render = |args: &str| {
         let command =
@@ -355,7 +355,7 @@ fn size_and_crop_as_shares_equal_those_in_pixels() {
     );
 }
 
-fn exr_size(place: &Place, bytes: &[u8]) -> (usize, usize) {
+fn exr_size(place: &TestFolder, bytes: &[u8]) -> (usize, usize) {
     place.write("size.exr", bytes);
     let layers = exr::read_layers(&place.path().join("size.exr")).unwrap();
     (layers.width, layers.height)
@@ -364,7 +364,7 @@ fn exr_size(place: &Place, bytes: &[u8]) -> (usize, usize) {
 /// A file without a camera is seen from the front, whatever its light, and the closing line reports it.
 #[test]
 fn camera_of_a_file_without_one_is_named() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let mut parts = gallery::cornell_box();
     parts.cameras.clear();
     for material in &mut parts.materials {
@@ -393,7 +393,7 @@ fn camera_of_a_file_without_one_is_named() {
 /// The printed paths add up to the pixel of the picture, and errors of usage are explained.
 #[test]
 fn trace_prints_the_paths_of_the_render() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     let common = "--size 16x16 --opsr-table 0.5";
     let ended = place
@@ -456,7 +456,7 @@ fn percent_after(line: &str, words: &str) -> Option<f64> {
 /// The true error equals that of `compare`, and the statistics equal the closing line.
 #[test]
 fn reference_and_statistics_of_a_render() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.render("--spp 64 -o reference.exr").done();
     let args = "--spp 4 --seed 1 --reference reference.exr --stats stats.json";
@@ -468,9 +468,9 @@ fn reference_and_statistics_of_a_render() {
         .done();
     let stats: serde_json::Value = serde_json::from_slice(&place.read("stats.json")).unwrap();
     let error = stats["true_error"].as_f64().unwrap();
-    let said = percent_after(&ended.err, ", true error ");
+    let message = percent_after(&ended.err, ", true error ");
     assert!(
-        said.is_some_and(|said| (said - error).abs() < 0.05 * error),
+        message.is_some_and(|message| (message - error).abs() < 0.05 * error),
         "{}",
         ended.err
     );
@@ -518,7 +518,7 @@ fn reference_and_statistics_of_a_render() {
 
 #[test]
 fn completions_and_manual_pages_know_every_command() {
-    let place = Place::new();
+    let place = TestFolder::new();
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let text = place.opsr(&format!("completions {shell}")).done().out;
         for word in ["trace", "max-vertices", "compare", "completions"] {
@@ -542,7 +542,7 @@ fn completions_and_manual_pages_know_every_command() {
 /// Options that change the picture are in its metadata by their keys.
 #[test]
 fn exr_metadata_name_the_options_that_change_the_picture() {
-    let place = Place::new();
+    let place = TestFolder::new();
     for (args, entries) in [
         (
             "--opsr-table 0.3 --set consistent=0.25",
@@ -587,7 +587,7 @@ fn exr_metadata_name_the_options_that_change_the_picture() {
 /// Half floats and every compression hold the same picture, and the metadata describe its render.
 #[test]
 fn exr_options_and_metadata() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let render = |args: &str| {
         let file = "--spp 4 --opsr-table 0.25 --max-vertices 5 --aov normal -o out.exr";
         place.render(&format!("{file} {args}")).done();
@@ -632,7 +632,7 @@ fn exr_options_and_metadata() {
 /// A crop is compared with its window of the full frame, and a layer with the same layer.
 #[test]
 fn compare_crops_and_layers() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     for args in ["-o whole.exr", "--crop 4,2,8,9 -o crop.exr"] {
         let args = format!("--spp 16 --resolve raw --aov {args}");
@@ -667,7 +667,7 @@ fn compare_crops_and_layers() {
 
 #[test]
 fn determinism_of_reproducible_files() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
     let picture = |args: &str| {
@@ -707,7 +707,7 @@ fn determinism_of_reproducible_files() {
 
 #[test]
 fn resume_equals_an_uninterrupted_render() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.render("--aov --spp 9 -o whole.exr").done();
     place
@@ -730,7 +730,7 @@ fn resume_equals_an_uninterrupted_render() {
 /// A checkpoint of another seed is refused with only this difference, and one far longer than its pixels is not read.
 #[test]
 fn resume_refuses_checkpoints_that_do_not_fit() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     place
         .render("--spp 2 -o out.exr --checkpoint a.ckpt")
@@ -742,22 +742,22 @@ fn resume_refuses_checkpoints_that_do_not_fit() {
         assert_eq!(ended.code, Some(3), "{}", ended.err);
         ended.err
     };
-    let said = resume("--seed 3");
+    let message = resume("--seed 3");
     let expected = "other settings: it has `seed 0`, this render `seed 3`";
-    assert!(said.contains(expected), "{said}");
+    assert!(message.contains(expected), "{message}");
     // A sparse file, which takes no disk space.
     let file = std::fs::File::options()
         .write(true)
         .open(place.path().join("a.ckpt"))
         .expect("the checkpoint");
     file.set_len(1 << 40).expect("a sparse file");
-    let said = resume("");
-    assert!(said.contains("longer than its header says"), "{said}");
+    let message = resume("");
+    assert!(message.contains("longer than its header says"), "{message}");
 }
 
 #[test]
 fn time_is_a_number_of_seconds_or_has_a_unit() {
-    let place = Place::new();
+    let place = TestFolder::new();
     for time in ["0.1", "100ms"] {
         place.render(&format!("--time {time} -o out.exr")).done();
     }
@@ -770,7 +770,7 @@ fn time_is_a_number_of_seconds_or_has_a_unit() {
 /// Thousands of threads would take minutes to start.
 #[test]
 fn threads_are_few_beside_the_cores() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let clock = std::time::Instant::now();
     let ended = place.render("--spp 1 --threads 65535 -o out.exr").done();
     assert!(ended.err.contains("threads are used"), "{}", ended.err);
@@ -780,7 +780,7 @@ fn threads_are_few_beside_the_cores() {
 /// A picture without a complete sample is not finished.
 #[test]
 fn time_that_ends_within_the_first_sample_is_told() {
-    let place = Place::new();
+    let place = TestFolder::new();
     for integrator in ["path", "vcm"] {
         let render = format!("render scene.glb --size 2048x2048 --integrator {integrator}");
         let ended = place.opsr(&format!("{render} --time 1ms --progress none -o part.exr"));
@@ -797,7 +797,7 @@ fn time_that_ends_within_the_first_sample_is_told() {
 /// The lines of the log after the checkpoint belong to lost samples.
 #[test]
 fn resume_continues_the_log() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let render = |options: &str, log: &str| {
         place.render(&format!(
             "{options} -o out.exr --checkpoint {log}.ckpt --stats {log}"
@@ -822,7 +822,7 @@ fn resume_continues_the_log() {
 /// A resumed render learns its guide again. Its picture differs from the path tracer's; the metadata name the guide.
 #[test]
 fn resume_of_a_guided_render_equals_an_uninterrupted_one() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     let render = |spp: u32, args: &str| place.render(&format!("--spp {spp} {args}")).done();
     render(12, "-o path.exr");
@@ -847,7 +847,7 @@ fn resume_of_a_guided_render_equals_an_uninterrupted_one() {
 
 #[test]
 fn resume_refuses_the_checkpoint_of_another_render() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.write("table.json", &seeds::tables()[1]);
     place.write("sky.hdr", &seeds::hdr()[0]);
     place
@@ -867,7 +867,7 @@ fn resume_refuses_the_checkpoint_of_another_render() {
         "--distribution ggx",
         "--glass solid",
     ];
-    let refused = |Ended { code, err, .. }: Ended, what: &str, args: &str| {
+    let refused = |RunResult { code, err, .. }: RunResult, what: &str, args: &str| {
         assert_eq!(code, Some(3), "{args}: {err}");
         assert!(
             err.contains("a.ckpt") && err.contains(what),
@@ -915,7 +915,7 @@ fn exit_code_after_a_signal() {
 
 #[cfg(unix)]
 fn saved_at(signal: &str) {
-    let place = Place::new();
+    let place = TestFolder::new();
     let args = "render scene.glb --size 16x16 --time 10min --threads 1 --progress none --save-every 1ms \
                 -o out.exr --checkpoint a.ckpt --reproducible";
     // The checkpoint is written after the picture: when it exists, both exist.
@@ -944,7 +944,7 @@ fn saved_at(signal: &str) {
 fn exit_code_of_a_stopped_pilot() {
     use std::io::{BufRead, BufReader};
     use std::process::{Command, Stdio};
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     let args = "render scene.glb --verbose --threads 1 --spp 100000 --size 1024x1024 -o out.exr";
     let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
@@ -965,7 +965,7 @@ fn exit_code_of_a_stopped_pilot() {
 /// Every pixel gets the best of its levels; the choice can be repeated from the checkpoint.
 #[test]
 fn levels_are_rendered_and_resolved_again() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
     let levels = "--spp 8 --set sampler=independent --opsr-table table.json";
@@ -1016,7 +1016,7 @@ fn levels_are_rendered_and_resolved_again() {
 /// Several levels are the default of every rule that supports them.
 #[test]
 fn levels_are_the_default_of_tables_and_constants() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
     let levels = |args: &str| {

@@ -1,6 +1,6 @@
 //! The options in a picture's metadata reproduce the picture.
 
-use super::Place;
+use super::TestFolder;
 use crate::fuzz::seeds;
 use opsr::image::exr::{self, Layers};
 use opsr::render::Opt;
@@ -91,7 +91,7 @@ fn options(layers: &Layers) -> Vec<String> {
 
 #[test]
 fn metadata_typed_again_give_the_bytes_of_every_mode() {
-    let place = Place::new();
+    let place = TestFolder::new();
     place.save("box.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
     let file = |name: &str| place.path().join(name);

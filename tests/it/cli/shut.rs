@@ -1,6 +1,6 @@
 //! Read-only folders, with the program run by another user than root: root may write everywhere.
 
-use super::{Ended, Place};
+use super::{RunResult, TestFolder};
 use std::fs::{Permissions, set_permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
 use std::os::unix::process::CommandExt;
@@ -13,7 +13,7 @@ const NOBODY: u32 = 65534;
 
 /// A place with a folder that is read-only during the lifetime of this value.
 pub(super) struct Shut<'a> {
-    place: &'a Place,
+    place: &'a TestFolder,
     folder: PathBuf,
     program: PathBuf,
     /// Copy of the program, if another user cannot reach the build folder.
@@ -23,7 +23,7 @@ pub(super) struct Shut<'a> {
 impl<'a> Shut<'a> {
     /// Makes a folder read-only. Root gives the whole place to another user, who then runs the program; `None` on a
     /// system where the folder can be written nevertheless.
-    pub(super) fn new(place: &'a Place, folder: &str) -> Option<Self> {
+    pub(super) fn new(place: &'a TestFolder, folder: &str) -> Option<Self> {
         let mut shut = Self {
             place,
             folder: place.path().join(folder),
@@ -74,10 +74,10 @@ impl<'a> Shut<'a> {
     }
 
     /// Runs the program with the read-only folder.
-    pub(super) fn opsr(&self, args: &str) -> Ended {
+    pub(super) fn opsr(&self, args: &str) -> RunResult {
         let mut command = self.command(&self.program);
         let command = command.args(args.split_whitespace());
-        Ended::of(command.output().expect("the program"))
+        RunResult::of(command.output().expect("the program"))
     }
 }
 

@@ -1,15 +1,15 @@
 //! Commands whose messages cannot be written: standard error is a full device, or a pipe without a reader. Exit code
 //! and files are those of a run with messages.
 
-use super::{Ended, Place};
+use super::{RunResult, TestFolder};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 use std::process::Stdio;
 
 /// A scene, a suite of one scene and one method, and the inputs of later commands.
-fn place() -> Place {
-    let place = Place::new();
+fn place() -> TestFolder {
+    let place = TestFolder::new();
     place.write(
         "suite.toml",
         "seeds = 1\nsamples = [1]\n[[scene]]\nname = 'box'\nbuiltin = 'caustic-box'\nsize = [16, 16]\nreference_spp = 1\n\
@@ -45,8 +45,8 @@ fn tree(folder: &Path, found: &mut BTreeMap<String, Vec<u8>>) {
 }
 
 /// A copy of the folder.
-fn copy(place: &Place) -> Place {
-    let (made, mut files) = (Place::new(), BTreeMap::new());
+fn copy(place: &TestFolder) -> TestFolder {
+    let (made, mut files) = (TestFolder::new(), BTreeMap::new());
     tree(place.path(), &mut files);
     for (name, bytes) in files {
         let below = Path::new(&name).strip_prefix(place.path());
@@ -58,7 +58,7 @@ fn copy(place: &Place) -> Place {
 }
 
 /// Runs a command in copies of a folder: with messages, and with messages lost in both ways.
-fn same(original: &Place, args: &str, code: i32) {
+fn same(original: &TestFolder, args: &str, code: i32) {
     let run = |lost: Option<Stdio>| {
         let place = copy(original);
         let ended = match lost {
@@ -66,7 +66,7 @@ fn same(original: &Place, args: &str, code: i32) {
             Some(stderr) => {
                 let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
                 let command = command.args(args.split_whitespace()).stderr(stderr);
-                Ended::of(
+                RunResult::of(
                     command
                         .stdout(Stdio::piped())
                         .output()
@@ -154,7 +154,7 @@ fn messages_that_cannot_be_written_end_no_training() {
 #[test]
 fn messages_that_cannot_be_written_end_no_viewer() {
     use std::io::{BufRead, BufReader};
-    let place = Place::new();
+    let place = TestFolder::new();
     let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
     command.args(["view", "scene.glb", "--port", "0", "--no-open"]);
     let full = File::create("/dev/full").expect("a full device");

@@ -1,14 +1,14 @@
 //! Outputs that are not regular files: links are followed, and pipes and devices are written to and stay.
 
-use super::{Ended, Place};
+use super::{RunResult, TestFolder};
 use crate::fuzz::seeds;
 use opsr::image::exr;
 use std::os::unix::fs::{FileTypeExt, symlink};
 use std::process::{Command, Stdio};
 
 /// A folder with a table and several links.
-fn place() -> Place {
-    let place = Place::new();
+fn place() -> TestFolder {
+    let place = TestFolder::new();
     place.write("table.json", &seeds::tables()[1]);
     std::fs::create_dir(place.path().join("far")).expect("a folder");
     for (link, to) in [
@@ -22,7 +22,7 @@ fn place() -> Place {
     place
 }
 
-fn is_link(place: &Place, name: &str) -> bool {
+fn is_link(place: &TestFolder, name: &str) -> bool {
     place.path().join(name).is_symlink()
 }
 
@@ -76,7 +76,7 @@ fn output_devices_are_written_into() {
     let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
     command.args(format!("{export} out.h").split_whitespace());
     command.stdout(file);
-    Ended::of(command.output().expect("the program")).done();
+    RunResult::of(command.output().expect("the program")).done();
     assert!(place.read("said") == place.read("file.h"));
     assert!(is_link(&place, "full.h") && is_link(&place, "out.h"));
 }
@@ -85,7 +85,7 @@ fn output_devices_are_written_into() {
 /// pipe.
 #[test]
 fn interrupt_while_inputs_load_ends_with_its_exit_code() {
-    let place = Place::new();
+    let place = TestFolder::new();
     let pipe = place.path().join("slow.json");
     let made = Command::new("mkfifo").arg(&pipe).status();
     assert!(made.is_ok_and(|status| status.success()));

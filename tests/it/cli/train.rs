@@ -1,6 +1,6 @@
 //! `opsr train` from scenes to tables: output, resumption, errors.
 
-use super::{Ended, Place};
+use super::{RunResult, TestFolder};
 use opsr::regularise::file::TableFile;
 use opsr_lab::gallery;
 
@@ -9,13 +9,13 @@ pub(super) const TRAIN: &str = "train --set manifest=\"list.toml\" --set spp=2 -
                                 --set checkpoint_every=1 --run run --out params --progress none ";
 
 /// A folder with a manifest of two scenes that have references.
-pub(super) fn place() -> Place {
+pub(super) fn place() -> TestFolder {
     place_of(1)
 }
 
 /// A folder as [`place`] makes it, with this many training crops.
-fn place_of(crops: u32) -> Place {
-    let place = Place::new();
+fn place_of(crops: u32) -> TestFolder {
+    let place = TestFolder::new();
     place.save("scene.glb", &gallery::caustic_box());
     let entry = |name: &str, role: &str, crops: &[[u32; 2]]| {
         format!(
@@ -32,7 +32,7 @@ fn place_of(crops: u32) -> Place {
     place
 }
 
-pub(super) fn train(place: &Place, args: &str) -> Ended {
+pub(super) fn train(place: &TestFolder, args: &str) -> RunResult {
     // The options of folders may be given only once.
     let mut all = TRAIN.to_owned();
     for folder in ["--run", "--out"] {
@@ -302,7 +302,7 @@ fn errors_name_the_setting_or_file() {
 }
 
 /// Runs `opsr record` with the settings in `extra`.
-fn record(place: &Place, extra: &str) -> Ended {
+fn record(place: &TestFolder, extra: &str) -> RunResult {
     let settings = "--set manifest=\"list.toml\" --set spp=2 --set start=0.1";
     place.opsr(&format!("record {settings} {extra}"))
 }
@@ -339,10 +339,10 @@ fn recordings_of_several_processes_give_the_same_tables() {
     assert!(place.files_in("shards") == shards);
     assert!(!place.path().join("other/recordings").exists());
     // Complete recordings are not repeated.
-    let said = record(&place, "--recordings shards").done().err;
+    let message = record(&place, "--recordings shards").done().err;
     assert!(
-        said.contains("shards: recordings of 3 of 3 crops"),
-        "{said}"
+        message.contains("shards: recordings of 3 of 3 crops"),
+        "{message}"
     );
     assert!(place.files_in("shards") == shards);
 

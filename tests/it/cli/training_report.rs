@@ -1,6 +1,6 @@
 //! The report of a training: names of tables, scores, refused settings.
 
-use super::Place;
+use super::TestFolder;
 use opsr::regularise::Lookup;
 use opsr::regularise::file::TableFile;
 use opsr_lab::gallery;
@@ -40,8 +40,8 @@ exposure = 1.0
 "#;
 
 /// A folder with the manifest and its scenes.
-fn scenes() -> Place {
-    let place = Place::new();
+fn scenes() -> TestFolder {
+    let place = TestFolder::new();
     place.save("box.glb", &gallery::caustic_box());
     place.save("walls.glb", &gallery::cornell_box());
     place.write("list.toml", MANIFEST);
@@ -49,10 +49,10 @@ fn scenes() -> Place {
 }
 
 /// The same folder with references.
-fn ready() -> Place {
+fn ready() -> TestFolder {
     let place = scenes();
-    let said = place.opsr("scenes reference --manifest list.toml --spp 96 --threads 2");
-    assert_eq!(said.done().out.lines().count(), 4);
+    let message = place.opsr("scenes reference --manifest list.toml --spp 96 --threads 2");
+    assert_eq!(message.done().out.lines().count(), 4);
     place
 }
 
@@ -64,7 +64,7 @@ fn json(text: impl AsRef<[u8]>) -> Value {
 }
 
 /// The report's page without its images.
-fn page(place: &Place) -> String {
+fn page(place: &TestFolder) -> String {
     let page = String::from_utf8(place.read("run/report.html")).expect("UTF-8");
     let mut parts = page.split("base64,");
     let first = parts.next().unwrap_or_default().to_owned();
@@ -89,12 +89,12 @@ fn report_scores_tables_beside_constants() {
 
     let args = "--steps 4 --beta 0.001,0.05 --progress json --run run --out tables";
     let ended = place.opsr(&format!("{QUICK} {args}")).done();
-    let (told, recorded): (Vec<Value>, Vec<Value>) =
+    let (report, recorded): (Vec<Value>, Vec<Value>) =
         (ended.out.lines().map(json)).partition(|line| line["recording"].is_null());
     assert!(!recorded.is_empty());
-    assert_eq!(told.first().map(|t| &t["step"]), Some(&Value::from(0)));
-    assert_eq!(told.last().map(|t| &t["step"]), Some(&Value::from(4)));
-    assert!(told.iter().all(|t| t["validation"].is_number()));
+    assert_eq!(report.first().map(|t| &t["step"]), Some(&Value::from(0)));
+    assert_eq!(report.last().map(|t| &t["step"]), Some(&Value::from(4)));
+    assert!(report.iter().all(|t| t["validation"].is_number()));
 
     let report = json(place.read("run/report.json"));
     let page = page(&place);

@@ -1,10 +1,10 @@
 //! `opsr verify`: every subject at test size; planted faults are detected, with their exit codes.
 
-use super::{Ended, Place};
+use super::{RunResult, TestFolder};
 use opsr_lab::verify::{NUMERIC, Size, images, simple::Fault, soak};
 
-fn verify(arguments: &str) -> Ended {
-    Place::new().opsr(&format!("verify --tiny {arguments}"))
+fn verify(arguments: &str) -> RunResult {
+    TestFolder::new().opsr(&format!("verify --tiny {arguments}"))
 }
 
 #[test]

@@ -70,9 +70,9 @@ fn foreign_options_of_pbrt_are_known_by_name() {
     ] {
         silent(&format!("Option {option}\nWorldBegin Shape \"disk\""), &[]);
     }
-    let told = |option: &str| message("a.pbrt", &format!("\nOption {option}"));
-    assert!(told("\"sead\" 5").contains("line 2: `Option` has no parameter `sead`"));
-    assert!(told("\"seed\"").contains("line 2: `seed` has no value"));
+    let report = |option: &str| message("a.pbrt", &format!("\nOption {option}"));
+    assert!(report("\"sead\" 5").contains("line 2: `Option` has no parameter `sead`"));
+    assert!(report("\"seed\"").contains("line 2: `seed` has no value"));
     let grey = usual("a.pbrt", "Option \"forcediffuse\" true\nWorldBegin");
     assert_eq!(
         grey.warnings,
@@ -185,8 +185,8 @@ fn foreign_mappings_of_pbrt_meet_in_one_material() {
     let two = scene(
         "Material \"diffuse\" \"texture reflectance\" \"plane\" \"texture displacement\" \"ball\"\nShape \"disk\"",
     );
-    let said = "line 5: a second mapping of one surface is not supported: shown as the first";
-    assert_eq!(two.warnings, [said]);
+    let report = "line 5: a second mapping of one surface is not supported: shown as the first";
+    assert_eq!(two.warnings, [report]);
     assert_eq!(two.parts.meshes[0].second_uvs, mesh.second_uvs);
     // Bumps along x by a mapping tilt normals along x, whatever the disk's own coordinates are.
     let bumps = scene("Material \"diffuse\" \"texture displacement\" \"plane\"\nShape \"disk\"");
@@ -236,9 +236,9 @@ fn foreign_subdivision_of_pbrt_is_made() {
         three < 0.0 && (three / five - 1.0).abs() < 0.02,
         "{three} {five}"
     );
-    let told = |more: &str| message("a.pbrt", &format!("\nShape \"loopsubdiv\" {cube} {more}"));
-    assert!(told("\"integer levels\" 15").contains("line 2: a subdivision of 15 levels"));
-    assert!(told("\"float levels\" 0.5").contains("line 2: a subdivision of 0.5 levels"));
+    let report = |more: &str| message("a.pbrt", &format!("\nShape \"loopsubdiv\" {cube} {more}"));
+    assert!(report("\"integer levels\" 15").contains("line 2: a subdivision of 15 levels"));
+    assert!(report("\"float levels\" 0.5").contains("line 2: a subdivision of 0.5 levels"));
     let twice = usual(
         "a.pbrt",
         &format!(
@@ -329,13 +329,13 @@ fn foreign_presets_of_media_are_known() {
     );
     assert_eq!(medium(more), (Rgb::new(1.0, 2.0, 3.0), milk.1));
     assert_eq!(medium("\"string preset\" \"\""), milk);
-    let told = message(
+    let report = message(
         "a.pbrt",
         "\nMakeNamedMedium \"m\" \"string type\" \"homogeneous\" \"string preset\" \"Mud\"",
     );
     assert!(
-        told.contains("line 2: the preset `Mud` of a medium is not supported"),
-        "{told}"
+        report.contains("line 2: the preset `Mud` of a medium is not supported"),
+        "{report}"
     );
 }
 
@@ -355,8 +355,11 @@ fn foreign_values_out_of_range_are_not_let_pass() {
         ("\"disney\" \"float eta\" -1", "index of refraction 0"),
         ("\"dielectric\" \"float eta\" 0", "index of refraction 0"),
     ] {
-        let said = with_files("a.pbrt", &pbrt(line), &[], Unsupported::Nearest).expect_err(line);
-        assert!(said.contains(words) && said.contains("line "), "{said}");
+        let report = with_files("a.pbrt", &pbrt(line), &[], Unsupported::Nearest).expect_err(line);
+        assert!(
+            report.contains(words) && report.contains("line "),
+            "{report}"
+        );
     }
     for (kind, values) in [
         (
@@ -374,21 +377,21 @@ fn foreign_values_out_of_range_are_not_let_pass() {
         let text = xml(&format!(
             "<shape type=\"sphere\"><bsdf type=\"{kind}\">{values}</bsdf></shape>"
         ));
-        let said = with_files("a.xml", &text, &[], Unsupported::Nearest).expect_err(kind);
-        assert!(said.contains("line 2: index of refraction "), "{said}");
+        let report = with_files("a.xml", &text, &[], Unsupported::Nearest).expect_err(kind);
+        assert!(report.contains("line 2: index of refraction "), "{report}");
     }
-    let said = "line 2: reflectance and transmittance of more than 1 together are scaled down";
+    let report = "line 2: reflectance and transmittance of more than 1 together are scaled down";
     let leaf = |r: f32| {
         pbrt(&format!(
             "\"diffusetransmission\" \"float reflectance\" {r} \"float transmittance\" 0.4"
         ))
     };
-    assert_eq!(usual("a.pbrt", &leaf(0.7)).warnings, [said]);
+    assert_eq!(usual("a.pbrt", &leaf(0.7)).warnings, [report]);
     silent(&leaf(0.6), &[]);
     let paper = xml(
         "<shape type=\"sphere\"><bsdf type=\"difftrans\"><rgb name=\"transmittance\" value=\"0.5, 1.5, 0\"/></bsdf></shape>",
     );
-    assert_eq!(usual("a.xml", &paper).warnings, [said]);
+    assert_eq!(usual("a.xml", &paper).warnings, [report]);
     let plastic = xml(
         "<shape type=\"sphere\"><bsdf type=\"pplastic\"><float name=\"alpha\" value=\"0.3\"/></bsdf></shape>",
     );
@@ -434,8 +437,8 @@ fn foreign_names_of_pbrt_may_be_declared_later() {
             "line 2: no material `red`",
         ),
     ] {
-        let said = message("a.pbrt", &text);
-        assert!(said.contains(line), "{said}");
+        let report = message("a.pbrt", &text);
+        assert!(report.contains(line), "{report}");
     }
 }
 
@@ -479,18 +482,18 @@ fn foreign_metals_of_pbrt_reflect_what_they_say() {
         };
         let loaded = of(name);
         assert_eq!(reflectance(last(&loaded)), reflectance(last(&of(other))));
-        let said =
+        let report =
             format!("spectrum `metal-{name}-k` is not supported: shown as `metal-{other}-k`");
         assert!(
-            loaded.warnings.iter().any(|w| w.contains(&said)),
+            loaded.warnings.iter().any(|w| w.contains(&report)),
             "{:?}",
             loaded.warnings
         );
     }
     // Another spectrum may end like that of a metal.
     let other = metal("\"conductor\" \"spectrum k\" \"foo-k\"").warnings;
-    let said = "spectrum `foo-k` is not supported: shown as 1 at all wavelengths";
-    assert!(other.iter().any(|w| w.contains(said)), "{other:?}");
+    let report = "spectrum `foo-k` is not supported: shown as 1 at all wavelengths";
+    assert!(other.iter().any(|w| w.contains(report)), "{other:?}");
 }
 
 /// Mean radiance of a rectangle with this BSDF, which emits 1 in front of a sky of 0.5, and the warnings.
@@ -517,10 +520,10 @@ fn foreign_lamps_with_holes_emit_all_of_their_light() {
         )
     };
     let number = |x: f32| mask(&format!("<float name=\"opacity\" value=\"{x}\"/>"));
-    let said = ["line 2: a lamp without a surface casts shadows of lights without area"];
+    let report = ["line 2: a lamp without a surface casts shadows of lights without area"];
     for (bsdf, expected, words) in [
-        ("<bsdf type=\"null\"/>".to_owned(), 1.5, &said[..]),
-        (number(0.0), 1.5, &said[..]),
+        ("<bsdf type=\"null\"/>".to_owned(), 1.5, &report[..]),
+        (number(0.0), 1.5, &report[..]),
         // The emission, and 0.6 of the sky.
         (number(0.4), 1.3, &[]),
         (number(1.0), 1.0, &[]),

@@ -278,14 +278,14 @@ fn parts_of_obj_files_have_their_materials() {
         faces,
         [(Rgb::ONE, 1, 3), (Rgb::ONE, 2, 4), (Rgb::ONE, 1, 3)]
     );
-    let said = loaded.warnings.join("\n");
+    let report = loaded.warnings.join("\n");
     for words in [
         "none.mtl cannot be read",
         "gone is no material",
         "a.mtl:1 (`red`) `refl` is not read",
         "a.mtl:1 (`red`) `Pc` is not read",
     ] {
-        assert!(said.replace(": ", " ").contains(words), "{said}");
+        assert!(report.replace(": ", " ").contains(words), "{report}");
     }
     assert_eq!(loaded.parts.meshes[1].colors[0].truncate(), Vec3::Y);
 }
@@ -316,11 +316,11 @@ fn faults_of_models_name_their_place() {
             "a.mtl:1 (`x`): cannot read",
         ),
     ] {
-        let said = read_obj(&obj, mtl).expect_err("an error");
-        assert!(said.contains(words), "{said}");
+        let report = read_obj(&obj, mtl).expect_err("an error");
+        assert!(report.contains(words), "{report}");
     }
-    let said = read(&[("a.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n")]);
-    assert!(said.expect_err("an error").contains("has no faces"));
+    let report = read(&[("a.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n")]);
+    assert!(report.expect_err("an error").contains("has no faces"));
 }
 
 /// A model's lamp lights the room, and glass from an OBJ file equals the glass of the same glTF file.

@@ -39,10 +39,10 @@ fn nearest_surfaces_are_named_and_lights_are_not_left_out() {
     let measured = xml("<shape type=\"sphere\"><bsdf type=\"measured\"/></shape>");
     let line = "line 2: bsdf `measured` is not supported: shown as a grey diffuse surface";
     assert_eq!(usual("a.xml", &measured).warnings, [line]);
-    let said = message("a.xml", &measured);
+    let report = message("a.xml", &measured);
     assert!(
-        said.contains("--unsupported nearest shows a grey diffuse surface"),
-        "{said}"
+        report.contains("--unsupported nearest shows a grey diffuse surface"),
+        "{report}"
     );
     assert_eq!(
         read("a.xml", &measured, true).expect("a scene").warnings,
@@ -68,10 +68,10 @@ fn nearest_surfaces_are_named_and_lights_are_not_left_out() {
             "WorldBegin Material \"diffuse\" \"rgb reflektance\" [1 1 1]".into(),
         ),
     ] {
-        let said = with_files(name, &text, &[], Unsupported::Nearest).expect_err("an error");
+        let report = with_files(name, &text, &[], Unsupported::Nearest).expect_err("an error");
         assert!(
-            said.contains("--unsupported skip goes on without it"),
-            "{text}: {said}"
+            report.contains("--unsupported skip goes on without it"),
+            "{text}: {report}"
         );
         assert!(
             with_files(name, &text, &[], Unsupported::Skip).is_ok(),
@@ -331,8 +331,8 @@ fn quadrics_and_curves_of_pbrt_are_meshes() {
             "basis `hermite`",
         ),
     ] {
-        let said = message("a.pbrt", &format!("WorldBegin Shape \"curve\" {line}"));
-        assert!(said.contains(words), "{said}");
+        let report = message("a.pbrt", &format!("WorldBegin Shape \"curve\" {line}"));
+        assert!(report.contains(words), "{report}");
     }
 }
 
@@ -382,11 +382,14 @@ fn weights_of_mixtures_are_checked() {
         ("0.5, -0.5", two.to_owned(), "2 weights of 2 BSDFs"),
         ("0, 0", two.to_owned(), "a mixture of nothing"),
     ] {
-        let said = message("a.xml", &mixture(weights, &inner));
-        assert!(said.contains("line 2: ") && said.contains(words), "{said}");
+        let report = message("a.xml", &mixture(weights, &inner));
+        assert!(
+            report.contains("line 2: ") && report.contains(words),
+            "{report}"
+        );
     }
-    let said = usual("a.xml", &mixture("0.2, 0.6", two)).warnings;
-    assert!(said[0].contains("weights of a sum of 0.8"), "{said:?}");
+    let report = usual("a.xml", &mixture("0.2, 0.6", two)).warnings;
+    assert!(report[0].contains("weights of a sum of 0.8"), "{report:?}");
 }
 
 /// A PNG of random colours.

@@ -268,8 +268,11 @@ fn foreign_lenses_by_their_surfaces_have_their_focal_length() {
         "10 20 1.5 x",
         "-10 0 1.5 20\n10 0 1 20\n0 1 0 2",
     ] {
-        let said = shot(lens, "").expect_err("an error");
-        assert!(said.contains("line 2: l.dat: no lens"), "{lens}: {said}");
+        let report = shot(lens, "").expect_err("an error");
+        assert!(
+            report.contains("line 2: l.dat: no lens"),
+            "{lens}: {report}"
+        );
     }
 }
 
@@ -311,11 +314,11 @@ fn foreign_parts_of_mixtures_may_be_declared_later() {
     assert_eq!(seen(&[mixture, shapes, parts].concat()), usual);
     assert_eq!(seen(&[shapes, parts, mixture].concat()), usual);
     assert_eq!(seen(&[mixture, parts, shapes].concat()), usual);
-    let said = message("a.pbrt", &format!("WorldBegin\n{mixture}{shapes}"));
-    assert!(said.contains("line 2: no material `a`"), "{said}");
+    let report = message("a.pbrt", &format!("WorldBegin\n{mixture}{shapes}"));
+    assert!(report.contains("line 2: no material `a`"), "{report}");
     let endless = mixture.replace("\"b\" \"b\"", "\"m\" \"n\"");
-    let said = message("a.pbrt", &format!("WorldBegin\n{endless}{parts}{shapes}"));
-    assert!(said.contains("a mixture that holds itself"), "{said}");
+    let report = message("a.pbrt", &format!("WorldBegin\n{endless}{parts}{shapes}"));
+    assert!(report.contains("a mixture that holds itself"), "{report}");
 }
 
 /// Names of pbrt-v3 and of Mitsuba 0.6 without effect are accepted; others take effect or cause a warning.
@@ -344,11 +347,14 @@ fn foreign_names_of_older_files_are_known() {
         mesh.positions.contains(&Vec3::new(0.5, 1.0, 4.0))
             && mesh.positions.contains(&Vec3::new(1.0, 0.0, 2.0))
     );
-    let said = message(
+    let report = message(
         "a.pbrt",
         "WorldBegin\nShape \"heightfield\" \"integer nu\" 3 \"integer nv\" 2",
     );
-    assert!(said.contains("line 2: 0 heights for 3 times 2"), "{said}");
+    assert!(
+        report.contains("line 2: 0 heights for 3 times 2"),
+        "{report}"
+    );
     let text = |texture: &str| {
         let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n\
             property uchar green\nproperty uchar blue\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
@@ -412,8 +418,8 @@ fn foreign_projectors_are_spots_of_their_mean() {
     assert!((radiance - 0.75).abs().max_element() < 1e-5, "{radiance}");
     let (disk, image) = (PI * (cos_outer.powi(-2) - 1.0), (0.728 * 0.728) / 2.0);
     assert!((disk / image - 1.0).abs() < 2e-3, "{disk} {image}");
-    let said = message("a.xml", &text(""));
-    assert!(said.contains("line 2: "), "{said}");
+    let report = message("a.xml", &text(""));
+    assert!(report.contains("line 2: "), "{report}");
 }
 
 /// Phase functions are replaced by Henyey and Greenstein's with their mean cosine.
@@ -467,9 +473,9 @@ fn foreign_phase_functions_have_their_mean_cosine() {
         let text = format!(
             "<shape type=\"sphere\"><medium name=\"interior\" type=\"homogeneous\">\n{phase}</medium></shape>"
         );
-        let said =
+        let report =
             with_files("a.xml", &xml(&text), &[], Unsupported::Nearest).expect_err("an error");
-        assert!(said.contains("line 3: "), "{said}");
+        assert!(report.contains("line 3: "), "{report}");
     }
 }
 
@@ -568,8 +574,8 @@ fn foreign_hair_is_tubes_of_its_colour() {
         ("0 0 0 1\n0 0 1 -1", "curve 0 has a negative radius"),
         ("\n\n", "has no curves"),
     ] {
-        let said = refused("linearcurve", curves.as_bytes());
-        assert!(said.contains(words), "{said}");
+        let report = refused("linearcurve", curves.as_bytes());
+        assert!(report.contains(words), "{report}");
     }
     let head = |count: u32| [b"BINARY_HAIR".as_slice(), &count.to_le_bytes()].concat();
     let point = [0u8; 12];
@@ -589,8 +595,8 @@ fn foreign_hair_is_tubes_of_its_colour() {
             "has 1 points and says 1",
         ),
     ] {
-        let said = refused("hair", &bytes);
-        assert!(said.contains(words), "{said}");
+        let report = refused("hair", &bytes);
+        assert!(report.contains(words), "{report}");
     }
 }
 
@@ -619,7 +625,7 @@ fn foreign_pictures_without_a_size_are_refused() {
         let text = format!(
             "Film \"rgb\" {film}\nCamera \"perspective\" {camera}\nWorldBegin\nShape \"sphere\""
         );
-        let said = message("a.pbrt", &text);
-        assert!(said.contains(words), "{said}");
+        let report = message("a.pbrt", &text);
+        assert!(report.contains(words), "{report}");
     }
 }

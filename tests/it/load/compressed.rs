@@ -116,8 +116,8 @@ fn draco_faults_name_their_place() {
         (|j| *draco(j) = json!(7), "is no object"),
     ];
     for (change, words) in cases {
-        let said = error(&changed("draco.glb", change));
-        assert!(said.contains(at) && said.contains(words), "{said}");
+        let message = error(&changed("draco.glb", change));
+        assert!(message.contains(at) && message.contains(words), "{message}");
     }
     let mut file = File::from_glb(&data("draco.glb"));
     let view = draco(&mut file.json)["bufferView"]
@@ -127,10 +127,10 @@ fn draco_faults_name_their_place() {
         .as_u64()
         .unwrap_or(0) as usize;
     file.bytes[start..start + 5].copy_from_slice(b"DRACU");
-    let said = error(&file);
+    let message = error(&file);
     assert!(
-        said.contains(at) && said.contains("cannot be decoded"),
-        "{said}"
+        message.contains(at) && message.contains("cannot be decoded"),
+        "{message}"
     );
 }
 
@@ -204,8 +204,8 @@ fn meshopt_faults_name_their_place() {
         ),
     ];
     for (change, words) in cases {
-        let said = error(&changed("ext.glb", change));
-        assert!(said.contains(at) && said.contains(words), "{said}");
+        let message = error(&changed("ext.glb", change));
+        assert!(message.contains(at) && message.contains(words), "{message}");
     }
 }
 
@@ -277,10 +277,10 @@ fn ktx2_faults_name_their_image() {
         (with(start, 0), "cannot be decoded"),
         (zstd[..zstd.len() / 2].to_vec(), "pass the end of the file"),
     ] {
-        let said = error(&textured(&bytes));
+        let message = error(&textured(&bytes));
         assert!(
-            said.contains("images[1]: KTX2: ") && said.contains(words),
-            "{said}"
+            message.contains("images[1]: KTX2: ") && message.contains(words),
+            "{message}"
         );
     }
     // Without the decoder the PNG for other programs is shown.

@@ -250,16 +250,19 @@ fn diffuse_transmission_is_read_with_its_textures() {
         })
     };
     let (sheet, glass) = (of(0.0, all(1), volume(0.0)), of(0.0, all(1), volume(0.5)));
-    let said = "diffuse transmission is that of a thin sheet";
-    assert!(sheet.warnings.iter().any(|w| w.contains(said)));
+    let message = "diffuse transmission is that of a thin sheet";
+    assert!(sheet.warnings.iter().any(|w| w.contains(message)));
     assert!(sheet.parts.materials[0].translucency().is_some());
-    let said = "diffuse transmission of glass is left out";
-    assert!(glass.warnings.iter().any(|w| w.contains(said)));
+    let message = "diffuse transmission of glass is left out";
+    assert!(glass.warnings.iter().any(|w| w.contains(message)));
     assert!(glass.parts.materials[0].translucency().is_none());
     let wrong = json!({ "diffuseTransmissionFactor": 2 });
     let file = painted(json!({ "extensions": { "KHR_materials_diffuse_transmission": wrong }}));
-    let said = file.load().map(|_| ()).unwrap_err().to_string();
-    assert!(said.contains("diffuseTransmissionFactor is 2"), "{said}");
+    let message = file.load().map(|_| ()).unwrap_err().to_string();
+    assert!(
+        message.contains("diffuseTransmissionFactor is 2"),
+        "{message}"
+    );
 }
 
 fn load_variant(file: &File, variant: Option<&str>) -> Result<Loaded, String> {

@@ -128,14 +128,14 @@ fn textures_without_coordinates_get_a_warning() {
     file.push("materials", json!({ "pbrMetallicRoughness": pbr }));
     file.primitive()["material"] = json!(0);
     let warnings = file.loaded().warnings;
-    let said = |w: &String| w.contains("no TEXCOORD_0: textures show the texel");
-    assert!(warnings.iter().any(said), "{warnings:?}");
+    let message = |w: &String| w.contains("no TEXCOORD_0: textures show the texel");
+    assert!(warnings.iter().any(message), "{warnings:?}");
 }
 
 /// A closed ball and an open pane of a material without the thickness extension, and of one with a thickness of 0.
 #[test]
 fn load_closed_transmission_without_thickness() {
-    let said = |body: Value| {
+    let message = |body: Value| {
         let mut extensions = json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } });
         if !body.is_null() {
             extensions["KHR_materials_volume"] = body;
@@ -151,7 +151,7 @@ fn load_closed_transmission_without_thickness() {
             parts.meshes.push(sheet);
         }
         let mut file = File::from_glb(&glb::to_glb(&parts).expect("a scene"));
-        file.json["materials"] = json!([said(body)]);
+        file.json["materials"] = json!([message(body)]);
         file
     };
     let load = |file: &File, solid_glass: bool| {

@@ -170,18 +170,18 @@ fn animation_of_cameras_alone_is_told() {
         animate(&mut file, &[0.0, 1.0], output, "LINEAR", target);
         file
     };
-    let told = |file: &File| file.loaded().animations[0].of_cameras;
+    let report = |file: &File| file.loaded().animations[0].of_cameras;
     let alone = file(None);
-    assert!(told(&alone) && told(&file(Some(json!({})))));
+    assert!(report(&alone) && report(&file(Some(json!({})))));
     let light = json!({ "extensions": { "KHR_lights_punctual": { "light": 0 } } });
     let mut lit = file(Some(light));
     lit.json["extensionsUsed"] = json!(["KHR_lights_punctual"]);
     lit.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point" }] } });
-    assert!(!told(&lit) && !told(&file(Some(json!({ "mesh": 0 })))));
+    assert!(!report(&lit) && !report(&file(Some(json!({ "mesh": 0 })))));
     let mut skinned = file(Some(json!({})));
     let joint = skinned.json["nodes"].as_array().expect("nodes").len() - 2;
     skinned.push("skins", json!({ "joints": [joint] }));
-    assert!(!told(&skinned));
+    assert!(!report(&skinned));
     // `cameras_at` returns the cameras of the scene opened at the same time.
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.gltf");

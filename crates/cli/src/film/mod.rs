@@ -152,7 +152,7 @@ fn recorded(path: &Path) -> anyhow::Result<(Spec, Layers)> {
 }
 
 /// Layers of an averaged frame, which describe its surfaces, with their names in files and their channels.
-const KEPT: [(Aov, &str, &[&str]); 6] = [
+const LAYERS: [(Aov, &str, &[&str]); 6] = [
     (Aov::Albedo, "albedo", &["R", "G", "B"]),
     (Aov::Normal, "normal", &["X", "Y", "Z"]),
     (Aov::Depth, "depth", &[""]),
@@ -178,7 +178,7 @@ fn read_frame(path: &Path, number: u32, mut read: Layers, camera: Camera) -> any
     if picture.pixels.iter().any(|p| !p.is_finite()) {
         return Err(at("a pixel is not finite"));
     }
-    let layers = KEPT
+    let layers = LAYERS
         .iter()
         .filter_map(|(_, layer, channels)| read.take(layer, channels));
     let layers = layers.collect();

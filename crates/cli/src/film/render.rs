@@ -10,7 +10,7 @@ use super::super::render_args::RenderArgs;
 use super::super::stop::Stop;
 use super::super::threads::set_threads;
 use super::outputs::FrameOutputs;
-use super::{Film, KEPT, of_render, read_frame, recorded};
+use super::{Film, LAYERS, of_render, read_frame, recorded};
 use anyhow::anyhow;
 use opsr::Aov;
 use opsr::files::{self, Claim};
@@ -35,7 +35,7 @@ pub(in super::super) fn run(args: &RenderArgs, range: FrameRange) -> anyhow::Res
     let denoiser = spec.denoiser().into_exit()?;
     let kept = args.checkpoint.as_deref();
     let kept = kept
-        .map(|folder| Kept::open(folder, args.resume))
+        .map(|folder| KeptFrames::open(folder, args.resume))
         .transpose()?;
     let mut files: Vec<PathBuf> = range.numbers().flat_map(|n| outputs.files(n)).collect();
     files.extend(outputs.movies().map(Path::to_owned));
@@ -102,7 +102,7 @@ fn checked(args: &RenderArgs) -> Result<(Spec, bool), Fault> {
     if let Some(layer) = spec
         .aovs()
         .iter()
-        .find(|layer| KEPT.iter().all(|(kept, ..)| kept != *layer))
+        .find(|layer| LAYERS.iter().all(|(kept, ..)| kept != *layer))
     {
         let why = format!(
             "{} describes a single frame, and is lost when frames are averaged",
@@ -114,13 +114,13 @@ fn checked(args: &RenderArgs) -> Result<(Spec, bool), Fault> {
 }
 
 /// Frames as rendered, kept in a folder so that a film can be resumed.
-struct Kept {
+struct KeptFrames {
     folder: PathBuf,
     resumed: bool,
     _claim: Claim,
 }
 
-impl Kept {
+impl KeptFrames {
     fn open(folder: &Path, resumed: bool) -> anyhow::Result<Self> {
         let shown = folder.display();
         if folder.is_file() {
@@ -182,7 +182,7 @@ struct Job<'a> {
     range: FrameRange,
     spec: Spec,
     denoiser: Option<Denoiser>,
-    kept: Option<Kept>,
+    kept: Option<KeptFrames>,
     /// The files of all frames.
     files: Vec<PathBuf>,
     stop: Stop,
@@ -280,7 +280,7 @@ impl Job<'_> {
             return Err(anyhow!("{}: a frame of another size", file.display())).input();
         }
         let frame = read_frame(file, number, read, request.camera.clone()).input()?;
-        let mut wanted = KEPT
+        let mut wanted = LAYERS
             .iter()
             .filter(|(aov, ..)| self.spec.aovs().contains(aov));
         let has = |name: &str| frame.layers.iter().any(|layer| layer.name == name);

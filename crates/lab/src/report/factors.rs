@@ -21,7 +21,7 @@ const FIRST: [usize; 4] = [0, 2, 4, 9];
 const ROWS: usize = FIRST[3] + BINS * BINS;
 
 /// Least factor with a colour of its own: the least one of a recording.
-const LEAST: f32 = 0.002;
+const MIN_FACTOR: f32 = 0.002;
 
 /// Column and row of a class; `None` if the last vertex is in the top bin, which can hardly be roughened.
 fn cell(class: GammaIndex) -> Option<(usize, usize)> {
@@ -50,11 +50,11 @@ fn picture(value: impl Fn(usize) -> Option<f32>) -> Buffer {
 
 /// A picture of the learned factors of classes with events.
 pub(super) fn factors(gammas: &[f32], visits: &[u64]) -> Markup {
-    let factor = |gamma: f32| 1.0 - gamma.max(LEAST).ln() / LEAST.ln();
+    let factor = |gamma: f32| 1.0 - gamma.max(MIN_FACTOR).ln() / MIN_FACTOR.ln();
     let shown = picture(|i| (visits[i] > 0).then(|| factor(gammas[i])));
-    let middle = LEAST.sqrt();
+    let middle = MIN_FACTOR.sqrt();
     let caption = format!(
-        "Factors, logarithmically: black is {LEAST} or less, red {middle:.3}, light yellow 1."
+        "Factors, logarithmically: black is {MIN_FACTOR} or less, red {middle:.3}, light yellow 1."
     );
     figure(&shown, &caption)
 }

@@ -6,14 +6,14 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use statrs::function::beta::checked_beta_reg;
 
 /// Range of the degrees of freedom. Above, the distribution is the normal one to five digits.
-const LEAST: f64 = 0.5;
-const MOST: f64 = 1e5;
+const MIN_FREEDOM: f64 = 0.5;
+const MAX_FREEDOM: f64 = 1e5;
 
 /// Probability of a |t| at least this large with `degrees` > 0 of freedom.
 ///
 /// P = I_x(ν/2, ½) with x = ν / (ν + t²), the regularised incomplete beta function.
 pub(crate) fn two_sided(t: f64, degrees: f64) -> f64 {
-    let nu = degrees.clamp(LEAST, MOST);
+    let nu = degrees.clamp(MIN_FREEDOM, MAX_FREEDOM);
     if !t.is_finite() {
         return 0.0;
     }
@@ -23,7 +23,7 @@ pub(crate) fn two_sided(t: f64, degrees: f64) -> f64 {
 
 /// The t > 0 that |t| exceeds with this `probability`.
 pub(crate) fn quantile(probability: f64, degrees: f64) -> f64 {
-    let nu = degrees.clamp(LEAST, MOST);
+    let nu = degrees.clamp(MIN_FREEDOM, MAX_FREEDOM);
     StudentsT::new(0.0, 1.0, nu).map_or(f64::NAN, |t| -t.inverse_cdf(0.5 * probability))
 }
 

@@ -22,7 +22,7 @@ pub fn growth(resident: &[f64]) -> f64 {
 }
 
 /// Most rounds that distinguish a leak from an allocator that settles.
-const MOST_ROUNDS: usize = 36;
+const MAX_ROUNDS: usize = 36;
 
 /// Repeats rounds of loading a scene, rendering it with every estimator, saving and loading its checkpoint, and
 /// learning a table, for this time and at least nine times. Finds growing memory, and bytes that differ between rounds.
@@ -44,7 +44,7 @@ pub fn run(time: Duration) -> Vec<Finding> {
     let mut rounds = 0;
     while rounds < 9
         || clock.elapsed() < time
-        || (rounds < MOST_ROUNDS && growth(&memory) > bound(&clock))
+        || (rounds < MAX_ROUNDS && growth(&memory) > bound(&clock))
     {
         let round = match repeat::round() {
             Ok(round) => round,

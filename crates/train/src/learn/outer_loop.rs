@@ -76,7 +76,7 @@ pub struct LogEntry {
 
 /// Callback at every step with its number, its loss and, after a validation, the log entry; `Break` stops the training.
 /// The last call, after all steps, has a loss of NaN.
-pub type Listener<'a> = &'a mut dyn FnMut(u32, f32, Option<&LogEntry>) -> ControlFlow<()>;
+pub type StepCallback<'a> = &'a mut dyn FnMut(u32, f32, Option<&LogEntry>) -> ControlFlow<()>;
 
 /// Result of a training for one β.
 #[derive(Clone, Debug)]
@@ -171,7 +171,7 @@ impl<'a> OuterLoop<'a> {
     }
 
     /// Takes the remaining steps, with validations and checkpoints.
-    pub(super) fn run(mut self, listen: Listener<'_>) -> Result<Outcome, TrainError> {
+    pub(super) fn run(mut self, listen: StepCallback<'_>) -> Result<Outcome, TrainError> {
         let config = self.config;
         let backend = match config.method {
             Evaluation::Tabulated => LossBackend::Scalar,

@@ -3,7 +3,7 @@
 use crate::config::{Config, Optimiser};
 use crate::learn::checkpoint::Checkpoint;
 use crate::learn::crop_set::CropSet;
-use crate::learn::outer_loop::{Listener, Outcome, OuterLoop, TrainError};
+use crate::learn::outer_loop::{Outcome, OuterLoop, StepCallback, TrainError};
 use crate::learn::recordings::{RecordedCrop, RecordingControl, Recordings};
 use crate::record::crop::Crop;
 use crate::record::target::{BRIGHTNESS, EPSILON};
@@ -79,7 +79,7 @@ impl Session {
         beta: f32,
         folder: Option<&Path>,
         resume: bool,
-        listen: Listener<'_>,
+        listen: StepCallback<'_>,
     ) -> Result<Outcome, TrainError> {
         let (training, validation) = (&mut self.training, &mut self.validation);
         let mut outer = OuterLoop::new(&self.config, training, validation, beta, folder)?;

@@ -52,7 +52,7 @@ pub enum Outcome {
 }
 
 /// Callback after every pass, outside of the measured time. It can stop the bench.
-pub type Listener<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
+pub type RenderCallback<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
 
 /// Measures the runs of `suite` that are not yet in the file at `path`.
 ///
@@ -61,7 +61,7 @@ pub fn run(
     suite: &Suite,
     path: &Path,
     command: &str,
-    listener: Listener<'_>,
+    listener: RenderCallback<'_>,
 ) -> Result<(Results, Outcome), BenchError> {
     let machine = Machine::this();
     let mut results = Results {
@@ -107,7 +107,7 @@ struct Bench<'a> {
     /// The denoiser, if a method needs it.
     denoiser: Option<Denoiser>,
     done: usize,
-    listener: Listener<'a>,
+    listener: RenderCallback<'a>,
 }
 
 /// A run and its picture.
