@@ -145,7 +145,7 @@ fn radiance(pilots: &[PilotPicture], punctual: bool) -> Vec<f64> {
     median(&seeing, |d| &d.mean)
 }
 
-/// Light of a tile that is in another pilot and not in this one.
+/// Light of a tile that is in another pilot picture and not in this one.
 struct TileDeficit {
     /// Square of the missing light, minus the variance of the difference.
     squared: f64,

@@ -204,8 +204,8 @@ impl Spec {
         })
     }
 
-    /// Opens the scene of a file: glTF, or one of the formats. `build` is [`Scene::new`], or [`Scene::without_trees`] for
-    /// a description only.
+    /// Opens the scene of a file: glTF, or one of the formats. `build` is [`Scene::new`], or [`Scene::without_trees`]
+    /// for a description only.
     pub fn open(
         &self,
         path: &Path,

@@ -185,7 +185,7 @@ impl Material {
         self.sampled_over(textures, uv, None)
     }
 
-    /// [`Material::sampled`], with the mean colour over the footprint of these half axes in texture coordinates, if any.
+    /// [`Material::sampled`] with the mean colour over the footprint of these half axes in texture coordinates, if any.
     #[inline(always)]
     pub(super) fn sampled_over(
         &self,

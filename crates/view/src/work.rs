@@ -27,7 +27,7 @@ const PASS: [f64; 2] = [0.25, 1.0];
 const MAX_PASS: u32 = 16;
 const MAX_SAMPLES: u32 = 1 << 16;
 
-/// Share of all threads' time that finishing films may take: in the first [`EARLY_SECONDS`] seconds of a render, and later.
+/// Share of all threads' time that finishing films may take: in the first [`EARLY_SECONDS`] of a render, and later.
 const FINISHING: [f64; 2] = [0.25, 0.1];
 const EARLY_SECONDS: f64 = 10.0;
 

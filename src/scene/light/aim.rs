@@ -1,6 +1,6 @@
 //! Targets at which emission samples are aimed: spheres around casters of caustics and around what the camera sees.
 //!
-//! Light paths that start uniformly rarely hit a glass in a large scene. A [`AimShares`] sends a share of them through
+//! Light paths that start uniformly rarely hit a glass in a large scene. An [`AimShares`] sends a share of them through
 //! spheres: p = u · p_uniform + Σ qₜ [the ray meets sphere t] / Aₜ, with Aₜ the sphere's cross section for light from
 //! infinity, or the solid angle of its cone for a lamp. The density of every ray is known in closed form, so that all
 //! MIS weights stay exact.

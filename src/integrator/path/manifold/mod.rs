@@ -16,8 +16,8 @@
 //! Half of the seeds are uniform points of the casters, equally many per mesh, as in `[SMS]`. The others are hits of
 //! rays near the direction to the light, where refractions at gentle waves and in thin bodies have their solutions.
 //!
-//! The unbiased estimator stops after [`MAX_TRIALS`] trials: rarer solutions are too dark. A solution that no seed converges
-//! to, as at the edge of a facet, is lost.
+//! The unbiased estimator stops after [`MAX_TRIALS`] trials: rarer solutions are too dark. A solution that no seed
+//! converges to, as at the edge of a facet, is lost.
 
 mod casters;
 mod constraint;
