@@ -160,6 +160,11 @@ pub trait Sampler {
         Vec2::new(self.next_1d(), self.next_1d())
     }
 
+    /// Number that decides which of the surfaces that fade the next edge of the path meets; `None` for a hash of its ray.
+    fn opacity(&mut self) -> Option<f64> {
+        None
+    }
+
     /// Numbers of the next vertex.
     #[inline]
     fn vertex(&mut self) -> VertexU {
@@ -326,6 +331,7 @@ impl LightSource {
             rest: self.independent.stream(UVec2::new(path, 0), sample),
             sequence,
             drawn: 0,
+            edges: 0,
             independent_lens: true,
         }
     }
@@ -350,6 +356,8 @@ pub struct PathStream {
     sequence: Option<sobol::SobolPoint>,
     /// Vertices drawn from the sequence.
     drawn: u32,
+    /// Edges whose opacity was drawn from the sequence.
+    edges: u8,
     /// True if points on the lens are independent numbers, as for light paths: each of their vertices draws one.
     independent_lens: bool,
 }
@@ -381,6 +389,13 @@ impl Sampler for PathStream {
         }
     }
 
+    fn opacity(&mut self) -> Option<f64> {
+        let sequence = self.sequence.as_ref()?;
+        let number = sequence.opacity(self.edges)?;
+        self.edges += 1;
+        Some(number)
+    }
+
     #[inline]
     fn vertex(&mut self) -> VertexU {
         match &self.sequence {
@@ -406,6 +421,7 @@ impl SampleSource for CameraSource {
             rest: self.independent.stream(pixel, sample),
             sequence,
             drawn: 0,
+            edges: 0,
             independent_lens: false,
         }
     }

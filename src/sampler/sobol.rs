@@ -1,8 +1,8 @@
 //! Owen-scrambled Sobol points for camera paths and light paths.
 //!
 //! The numbers of a path come in sets of four: film and lens, or direction and point of emission; then, for each of the
-//! first [`VERTICES`] vertices, one set that samples a light and one that samples the BSDF. A light path has one more
-//! set for the choice of its light and side. A set is the first four dimensions of the Sobol sequence (direction
+//! first [`VERTICES`] vertices, one set that samples a light and one that samples the BSDF; then one set for the opacity
+//! along the first edges. A light path has one more set for the choice of its light and side. A set is the first four dimensions of the Sobol sequence (direction
 //! numbers of Joe, Kuo: *Constructing Sobol Sequences with Better Two-Dimensional Projections*, 2008), with its own
 //! shuffling and scrambling `[Burley20]`. Pairs that cover an area, such as the point on a light, are the first two
 //! dimensions: every aligned run of 2^m samples has one such point in every elementary interval of area 2^-m. Every
@@ -95,6 +95,12 @@ impl SobolPoint {
     pub(super) fn lens(&self) -> Vec2 {
         let ([_, _, x, y], _) = self.point(0);
         Vec2::new(unit(x), unit(y))
+    }
+
+    /// Number of the opacity along edge `n`, from 0; `None` after the first ones.
+    pub(super) fn opacity(&self, n: u8) -> Option<f64> {
+        let (bits, _) = self.point(2 * VERTICES + 2);
+        Some(f64::from(*bits.get(usize::from(n))?) / 4_294_967_296.0)
     }
 
     /// Numbers of vertex `n`, from 0.

@@ -2,8 +2,9 @@
 
 use super::accel::{self, Accel};
 use super::instances::{Instances, Shared};
+use super::layers::Layers;
 use super::material::TextureRef;
-use super::material::may_vanish;
+use super::material::{AlphaMode, may_vanish};
 use super::mesh::{attribute, mix};
 use super::normals::{
     MIN_COS_ROUGH, MIN_COS_SMOOTH, is_curved, lifted, normal_texel, perturbed, rise, tangent,
@@ -12,6 +13,7 @@ use super::{Footprint, Hit, Mesh, SceneParts, Surface, TriangleId};
 use crate::bsdf::DELTA_ALPHA;
 use crate::math::{DVec3, Ray, Rgb, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
+use std::cell::Cell;
 use std::ops::Range;
 
 /// Half a unit in the last place, relative.
@@ -28,6 +30,8 @@ pub struct Geometry {
     cutouts: Vec<bool>,
     instances: Option<Instances>,
     traversal: Traversal,
+    /// True if some rays pass a surface that others meet.
+    fades: bool,
 }
 
 /// Traversal of the scene by a ray: the cheapest sufficient kind.
@@ -224,6 +228,10 @@ impl Geometry {
                 cutouts.clear();
             }
         }
+        let fading = |m: &Mesh| {
+            (parts.materials.get(m.material as usize))
+                .is_some_and(|m| m.alpha_mode == AlphaMode::Blend && may_vanish(m))
+        };
         let traversal = match (&instances, cutouts.is_empty()) {
             (Some(_), _) => Traversal::Instances,
             (None, false) => Traversal::Cutouts,
@@ -237,6 +245,7 @@ impl Geometry {
             cutouts,
             instances,
             traversal,
+            fades: parts.all_meshes().any(fading),
         }
     }
 
@@ -386,6 +395,11 @@ impl Geometry {
         !self.cutouts.is_empty() || self.instances.as_ref().is_some_and(Instances::vanish)
     }
 
+    /// True if some rays pass a surface that others meet.
+    pub(super) fn fades(&self) -> bool {
+        self.fades
+    }
+
     /// Lower and upper corner of the scene; both zero if it is empty.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         self.accel.bounds()
@@ -410,6 +424,71 @@ impl Geometry {
     #[inline(never)]
     fn intersect_instances(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
         self.among::<false>(parts, ray)
+    }
+
+    /// [`Geometry::intersect`] with `u` uniform in [0, 1), which decides which of the surfaces that fade are met; it is
+    /// uniform afterwards too, whatever was met.
+    pub(super) fn intersect_drawn(
+        &self,
+        parts: &SceneParts,
+        ray: &Ray,
+        u: &mut f64,
+    ) -> Option<Hit> {
+        let layers = Layers::default();
+        let last = self.within::<false>(ray, |hit| match self.presence(parts, hit) {
+            0.0 => false,
+            1.0 => true,
+            part => !layers.add(hit, part) && chance(ray, hit.triangle) < part,
+        });
+        layers.first(last, u)
+    }
+
+    /// Share of the light that surfaces which fade let pass along a ray; `None` if anything else is in its way. `blocks` says
+    /// which materials are in the way wherever they are.
+    #[inline]
+    pub(super) fn transmittance(
+        &self,
+        parts: &SceneParts,
+        ray: &Ray,
+        blocks: impl Fn(u32) -> bool,
+    ) -> Option<f32> {
+        match self.fades {
+            false => (!self.occluded(parts, ray)).then_some(1.0),
+            true => self.transmittance_of_layers(parts, ray, blocks),
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn transmittance_of_layers(
+        &self,
+        parts: &SceneParts,
+        ray: &Ray,
+        blocks: impl Fn(u32) -> bool,
+    ) -> Option<f32> {
+        let passed = Cell::new(1.0);
+        let blocked = self.within::<true>(ray, |hit| {
+            let presence = self.presence(parts, hit);
+            passed.set(passed.get() * (1.0 - presence));
+            presence == 1.0 || presence > 0.0 && blocks(self.triangle_material(hit.triangle))
+        });
+        blocked.is_none().then_some(passed.get())
+    }
+
+    /// The closest hit on triangles and instances, or with `ANY` any; `keep` is asked about those that opacity may remove.
+    fn within<const ANY: bool>(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        let single = |hit: &Hit| match self.cutouts.get(hit.triangle.index() as usize) {
+            Some(true) => keep(hit),
+            _ => true,
+        };
+        match &self.instances {
+            None => (self.accel).among::<ANY>(ray, single, ()),
+            Some(instances) => {
+                let shared = |of: &Shared, hit: &Hit| !of.vanishes || keep(hit);
+                let enter = |i: u32, best: &Hit| instances.enter::<ANY>(ray, i, best, shared);
+                (self.accel).among::<ANY>(ray, single, enter)
+            }
+        }
     }
 
     /// Closest hit on one of the triangles that `keep` accepts.
@@ -559,11 +638,20 @@ impl Geometry {
 
     /// [`Self::present`] of a hit on a material whose opacity may remove it.
     fn present_at(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> bool {
+        match self.presence(parts, hit) {
+            0.0 => false,
+            1.0 => true,
+            part => chance(ray, hit.triangle) < part,
+        }
+    }
+
+    /// Opacity in [0, 1] at a hit on a material whose opacity may remove it.
+    fn presence(&self, parts: &SceneParts, hit: &Hit) -> f32 {
         let material = &parts.materials[self.triangle_material(hit.triangle) as usize];
         let uvs = self.triangle_uvs(parts, hit.triangle);
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let uv = mix(&weights, uvs);
-        let presence = match &material.finish {
+        match &material.finish {
             Some(finish) if finish.needs_attributes() => {
                 self.at(hit.triangle, |triangle, to_world| {
                     let mesh = to_world.mesh(parts, triangle.mesh);
@@ -579,11 +667,6 @@ impl Geometry {
                 })
             }
             _ => material.presence(&parts.textures, uv),
-        };
-        match presence {
-            0.0 => false,
-            1.0 => true,
-            part => chance(ray, hit.triangle) < part,
         }
     }
 }

@@ -20,6 +20,7 @@ pub(crate) mod geometry;
 mod hit;
 mod instances;
 pub mod lamp;
+mod layers;
 pub mod light;
 pub(crate) mod lighting;
 pub mod limits;
@@ -86,6 +87,8 @@ pub struct Scene {
     filtered: Vec<bool>,
     features: Features,
     media: Option<Box<Media>>,
+    /// True if the end of an edge may be drawn.
+    draws_ends: bool,
     /// Rank of each material: the highest rank determines the medium where bodies overlap.
     ranks: Vec<u32>,
     /// True for each material that is a [pane](Material::is_pane); empty if no surface is one.
@@ -164,10 +167,11 @@ impl Scene {
             filtered,
             ranks: bodies::ranks(&parts),
             parts,
-            geometry,
             lights,
             features,
+            draws_ends: media.is_some() || geometry.fades(),
             media: media.map(Box::new),
+            geometry,
             panes: if has_panes { panes } else { Vec::new() },
             dark_inside: OnceLock::new(),
             warnings,
@@ -194,6 +198,17 @@ impl Scene {
     #[inline]
     pub(crate) fn media(&self) -> Option<&Media> {
         self.media.as_deref()
+    }
+
+    /// True if media or surfaces that fade may draw where an edge of a path ends.
+    #[inline]
+    pub(crate) fn draws_ends(&self) -> bool {
+        self.draws_ends
+    }
+
+    /// True if some rays pass a surface that others meet.
+    pub(crate) fn fades(&self) -> bool {
+        self.geometry.fades()
     }
 
     /// True if any medium scatters light.
@@ -240,6 +255,15 @@ impl Scene {
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         self.geometry.intersect(&self.parts, ray)
+    }
+
+    /// [`Scene::intersect`] where `u`, uniform in [0, 1), decides which surfaces of partial opacity are hit. It stays uniform
+    /// whatever the ray hits; `None` for a hash of the ray.
+    pub(crate) fn intersect_drawn(&self, ray: &Ray, u: &mut Option<f64>) -> Option<Hit> {
+        match u {
+            Some(u) => self.geometry.intersect_drawn(&self.parts, ray, u),
+            None => self.intersect(ray),
+        }
     }
 
     /// The distance at which a ray first hits a surface whose normal is within acos(`least`) of `normal`, and the
@@ -341,12 +365,14 @@ impl Scene {
         Some(share * wall.straight_transmittance(cos))
     }
 
-    /// Transmittance between the ray's origin and its `t_max`: 1, or that of at most `most` panes; `None` if anything
+    /// Transmittance between the ray's origin and its `t_max`: that of surfaces of partial opacity, or of
+    /// at most `most` panes; `None` if anything
     /// else blocks the ray.
     #[inline]
     pub(crate) fn open_transmittance(&self, ray: &Ray, most: u32) -> Option<Rgb> {
-        if !self.occluded(ray) {
-            return Some(Rgb::ONE);
+        let is_pane = |material: u32| self.panes.get(material as usize) == Some(&true);
+        if let Some(passed) = self.geometry.transmittance(&self.parts, ray, is_pane) {
+            return Some(Rgb::splat(passed));
         }
         if self.has_panes() {
             self.through_panes(ray, most)

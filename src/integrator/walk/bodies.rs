@@ -271,29 +271,36 @@ impl EnclosingBodies {
     /// Follows a ray to the surface that ends it, through hidden boundaries, whose bodies it enters and leaves.
     #[inline]
     pub(in crate::integrator) fn follow(&mut self, scene: &Scene, ray: &Ray) -> Segment {
+        self.follow_by(scene, ray, &mut |ray: &Ray| scene.intersect(ray))
+    }
+
+    /// The same where `meet` finds the closest hit along a ray.
+    #[inline(always)]
+    fn follow_by(&mut self, scene: &Scene, ray: &Ray, meet: &mut impl Meet) -> Segment {
         if scene.features().overlaps {
-            return self.follow_through(scene, ray);
+            return self.follow_through(scene, ray, meet);
         }
         Segment {
-            hit: scene.intersect(ray),
+            hit: meet(ray),
             start: 0.0,
             passed: None,
         }
     }
 
     /// [`EnclosingBodies::follow`] where a camera ray (`from_camera`) also passes the backs of surfaces that are
-    /// visible only from the front.
+    /// visible only from the front. `meet` finds the closest hit along a ray.
     #[inline(always)]
-    pub(in crate::integrator) fn follow_seen(
+    pub(super) fn follow_seen(
         &mut self,
         scene: &Scene,
         ray: &Ray,
         from_camera: bool,
+        meet: &mut impl Meet,
     ) -> Segment {
-        let segment = self.follow(scene, ray);
+        let segment = self.follow_by(scene, ray, meet);
         match &segment.hit {
             Some(hit) if from_camera && scene.hides_back(hit, ray.dir) => {
-                self.follow_past(scene, ray, segment)
+                self.follow_past(scene, ray, segment, meet)
             }
             _ => segment,
         }
@@ -301,7 +308,13 @@ impl EnclosingBodies {
 
     #[cold]
     #[inline(never)]
-    fn follow_past(&mut self, scene: &Scene, ray: &Ray, mut segment: Segment) -> Segment {
+    fn follow_past(
+        &mut self,
+        scene: &Scene,
+        ray: &Ray,
+        mut segment: Segment,
+        meet: &mut impl Meet,
+    ) -> Segment {
         for _ in 0..MAX_SURFACES {
             let Some(hit) = segment.hit.filter(|hit| scene.hides_back(hit, ray.dir)) else {
                 return segment;
@@ -310,7 +323,7 @@ impl EnclosingBodies {
             rest.t_max = ray.t_max - hit.t;
             let before = segment.passed.unwrap_or(Rgb::ONE)
                 * self.transmittance(scene, hit.t - segment.start);
-            let next = self.follow(scene, &rest);
+            let next = self.follow_by(scene, &rest, meet);
             segment = Segment {
                 hit: next.hit.map(|h| Hit {
                     t: hit.t + h.t,
@@ -363,7 +376,7 @@ impl EnclosingBodies {
 
     #[cold]
     #[inline(never)]
-    fn follow_through(&mut self, scene: &Scene, ray: &Ray) -> Segment {
+    fn follow_through(&mut self, scene: &Scene, ray: &Ray, meet: &mut impl Meet) -> Segment {
         let mut rest = *ray;
         let mut segment = Segment {
             hit: None,
@@ -371,7 +384,7 @@ impl EnclosingBodies {
             passed: None,
         };
         for _ in 0..MAX_SURFACES {
-            let Some(hit) = scene.intersect(&rest) else {
+            let Some(hit) = meet(&rest) else {
                 return segment;
             };
             let mut surface = scene.surface(&hit);
@@ -420,7 +433,7 @@ impl EnclosingBodies {
     ) -> Option<Rgb> {
         let (mut rest, mut passed, mut distance) = (*ray, Rgb::ONE, distance);
         for _ in 0..=panes {
-            let segment = self.follow_through(scene, &rest);
+            let segment = self.follow(scene, &rest);
             passed *= segment.passed.unwrap_or(Rgb::ONE);
             let end = segment.hit.as_ref().map_or(distance, |hit| hit.t);
             passed *= self.transmittance(scene, end - segment.start);
@@ -437,6 +450,11 @@ impl EnclosingBodies {
         None
     }
 }
+
+/// A search for the closest hit along a ray.
+pub(super) trait Meet: FnMut(&Ray) -> Option<Hit> {}
+
+impl<F: FnMut(&Ray) -> Option<Hit>> Meet for F {}
 
 /// Segment of a path from a point to the surface that ends it, with the boundaries that it passed.
 pub(in crate::integrator) struct Segment {

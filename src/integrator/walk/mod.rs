@@ -39,6 +39,7 @@ use crate::scene::sensor::PixelCone;
 use crate::scene::{Hit, Scene, Surface};
 /// Media around a point of a path, which absorb light on its way from there.
 pub(super) use bodies::EnclosingBodies as Surroundings;
+use bodies::Meet;
 use dispersion::Channel;
 pub(super) use pending_emission::{HitEmission, PendingWeight};
 use shading_point::{Continuation, ShadingPoint};
@@ -126,8 +127,9 @@ impl Interaction<'_> {
         panes: u32,
     ) -> Option<Rgb> {
         let direct = self.unblocked(scene, around, ray, distance, panes);
-        // A pane's hidden back towards the camera transmits all light.
-        if scene.features().hidden_backs && (direct.is_none() || scene.has_panes()) {
+        // A hidden back towards the camera, of a pane or with partial opacity, transmits all light.
+        if scene.features().hidden_backs && (direct.is_none() || scene.has_panes() || scene.fades())
+        {
             let around = match scene.tracks_bodies() {
                 true => self.around(scene, around, ray.dir),
                 false => Surroundings::default(),
@@ -179,17 +181,36 @@ impl<'a> Walk<'a> {
     }
 
     /// The end of the current edge: a surface, or a point of a medium; `None` where the walk has left the scene.
-    /// Absorption along the edge scales the throughput. Only media use `numbers`.
+    /// Absorption along the edge scales the throughput. Only media and surfaces of partial opacity use `numbers`.
     #[inline(always)]
     pub(super) fn arrive(
         &mut self,
         pending: &mut impl PendingWeight,
         numbers: &mut impl Sampler,
     ) -> Option<Arrival> {
-        if let Some(media) = self.scene.media() {
-            return self.arrive_in(media, pending, numbers);
+        if self.scene.draws_ends() {
+            return self.arrive_drawn(pending, numbers);
         }
         self.arrive_without_media(pending)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn arrive_drawn(
+        &mut self,
+        pending: &mut impl PendingWeight,
+        numbers: &mut impl Sampler,
+    ) -> Option<Arrival> {
+        let mut u = None;
+        if self.scene.fades() {
+            u = numbers.opacity();
+        }
+        let scene = self.scene;
+        let mut meet = |ray: &Ray| scene.intersect_drawn(ray, &mut u);
+        match self.scene.media() {
+            Some(media) => self.arrive_in(media, pending, numbers, &mut meet),
+            None => self.arrive_by(pending, &mut meet),
+        }
     }
 
     /// The same in a scene without [media](Scene::media).
@@ -198,7 +219,18 @@ impl<'a> Walk<'a> {
         &mut self,
         pending: &mut impl PendingWeight,
     ) -> Option<Arrival> {
-        let segment = (self.around).follow_seen(self.scene, &self.ray, self.from_camera);
+        let scene = self.scene;
+        self.arrive_by(pending, &mut |ray: &Ray| scene.intersect(ray))
+    }
+
+    /// The same where `meet` finds the closest hit along a ray.
+    #[inline(always)]
+    fn arrive_by(
+        &mut self,
+        pending: &mut impl PendingWeight,
+        meet: &mut impl Meet,
+    ) -> Option<Arrival> {
+        let segment = (self.around).follow_seen(self.scene, &self.ray, self.from_camera, meet);
         if let Some(passed) = segment.passed {
             self.throughput *= passed;
             pending.scale(passed);
