@@ -152,3 +152,65 @@ fn light_paths_draw_points_on_the_lens_independently() {
         );
     }
 }
+
+/// Sixteen samples of a pixel have one opacity in each sixteenth on each of the first edges.
+#[test]
+fn opacities_of_a_pixel_are_even() {
+    let opacities = |source: &CameraSource, pixel, sample| {
+        let mut stream = source.stream(pixel, sample);
+        [(); 5].map(|()| stream.opacity())
+    };
+    let independent = CameraSource::new(SamplerKind::Independent, Seed(5), 1);
+    assert_eq!(opacities(&independent, UVec2::ZERO, 3), [None; 5]);
+    let source = CameraSource::new(SamplerKind::Sobol, Seed(5), 1);
+    for place in 0..100 {
+        let pixel = UVec2::new(place % 10, place / 10);
+        for first in [0, 16, 32] {
+            let mut seen = [[false; 16]; 4];
+            for sample in first..first + 16 {
+                let all = opacities(&source, pixel, sample);
+                assert_eq!(all[4], None);
+                for (edge, u) in all.into_iter().flatten().enumerate() {
+                    seen[edge][(16.0 * u) as usize] = true;
+                }
+            }
+            assert_eq!(seen, [[true; 16]; 4]);
+        }
+    }
+}
+
+/// The opacity of a sample says nothing of its other numbers, nor of that of another edge.
+#[test]
+fn opacities_are_independent_of_other_numbers() {
+    let source = CameraSource::new(SamplerKind::Sobol, Seed(6), 1);
+    const NUMBERS: usize = 13;
+    let n = 40_000;
+    let mut products = [0.0; NUMBERS];
+    for place in 0..n {
+        let mut stream = source.stream(UVec2::new(place % 200, place / 200), 5);
+        let [first, second] = [(); 2].map(|()| stream.opacity().expect("a number"));
+        let film = stream.film();
+        let (a, b) = (stream.vertex(), stream.vertex());
+        let numbers: [f64; NUMBERS] = [
+            second,
+            film.x.into(),
+            film.y.into(),
+            a.material.into(),
+            a.light.pick,
+            a.light.at.x.into(),
+            a.light.at.y.into(),
+            a.lobe[0].into(),
+            a.lobe[1].into(),
+            a.lobe[2].into(),
+            a.roulette.into(),
+            b.material.into(),
+            b.lobe[0].into(),
+        ];
+        for (sum, u) in products.iter_mut().zip(numbers) {
+            *sum += (first - 0.5) * (u - 0.5);
+        }
+    }
+    // Five standard deviations.
+    let far = 5.0 * f64::from(n).sqrt() / 12.0;
+    assert!(products.iter().all(|sum| sum.abs() < far), "{products:?}");
+}

@@ -45,3 +45,6 @@ impl Layers {
         last
     }
 }
+
+#[cfg(test)]
+mod tests;

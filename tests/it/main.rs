@@ -37,6 +37,7 @@ mod media;
 mod metric;
 mod mollifier;
 mod nested;
+mod opacity;
 mod options;
 mod own_light;
 mod panes;

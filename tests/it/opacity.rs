@@ -1,0 +1,190 @@
+//! Surfaces that let part of all rays pass: what stands behind them, their shadows, and the noise of both.
+
+use super::support::render::{film_with, mean, scene};
+use opsr::image::Film;
+use opsr::image::film::Window;
+use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::sampler::SamplerKind;
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::{AlphaMode, Material, PunctualLight, Scene, SceneParts};
+use opsr_lab::gallery::shapes::quad;
+
+fn fading(opacity: f32, material: Material) -> Material {
+    Material {
+        alpha_mode: AlphaMode::Blend,
+        opacity,
+        ..material
+    }
+}
+
+fn settings(sampler: SamplerKind, seed: u64) -> Settings {
+    Settings {
+        sampler,
+        seed,
+        ..Settings::default()
+    }
+}
+
+/// Layers behind each other across the whole view, the first red, the next ones green and blue.
+fn coloured(opacities: &[f32]) -> Scene {
+    let mut parts = SceneParts::default();
+    for (k, &opacity) in opacities.iter().enumerate().rev() {
+        let corner = Vec3::new(-10.0, -10.0, -(k as f32));
+        let light = emitter("layer", Rgb::AXES[k]);
+        parts.add(
+            fading(opacity, light),
+            [quad(corner, 20.0 * Vec3::X, 20.0 * Vec3::Y)],
+        );
+    }
+    parts.add_camera([0.0, 0.0, 5.0], [0.0, 0.0, 0.0], 20.0);
+    scene(parts)
+}
+
+/// Each layer shows by its opacity and what comes through to it, and with far less noise than if each sample decided by itself.
+#[test]
+fn stacked_layers_show_the_product_of_their_opacities() {
+    const SAMPLES: u32 = 16;
+    for opacities in [&[0.3][..], &[0.5, 0.5], &[0.3, 0.5, 0.6]] {
+        let scene = coloured(opacities);
+        for (sampler, most) in [(SamplerKind::Independent, 1.2), (SamplerKind::Sobol, 0.25)] {
+            let film = film_with(&scene, &settings(sampler, 4), 24, SAMPLES).mean();
+            let pixels = film.pixels.len() as f64;
+            let mut through = 1.0;
+            for (k, &opacity) in opacities.iter().enumerate() {
+                let share = through * f64::from(opacity);
+                through -= share;
+                let values = film.pixels.iter().map(|p| f64::from(p[k]));
+                let mean = values.clone().sum::<f64>() / pixels;
+                let variance = values.map(|v| (v - share).powi(2)).sum::<f64>() / pixels;
+                let expected = share * (1.0 - share) / f64::from(SAMPLES);
+                let far = 5.0 * (expected / pixels).sqrt();
+                assert!(
+                    (mean - share).abs() < far,
+                    "{opacities:?} {k}: {mean}, not {share}"
+                );
+                let ratio = variance / expected;
+                assert!(ratio < most, "{opacities:?} {k} {sampler:?}: {ratio}");
+            }
+        }
+    }
+}
+
+/// A floor under a small lamp and black layers between the two, seen from below or from above of them.
+fn shaded(opacities: &[f32], height: f32) -> Scene {
+    let mut parts = SceneParts::default();
+    let wide = |y| quad(Vec3::new(-20.0, y, -20.0), 40.0 * Vec3::Z, 40.0 * Vec3::X);
+    parts.add(diffuse("floor", Rgb::splat(0.5)), [wide(0.0)]);
+    for (k, &opacity) in opacities.iter().enumerate() {
+        let black = diffuse("layer", Rgb::ZERO);
+        parts.add(fading(opacity, black), [wide(1.0 + 0.2 * k as f32)]);
+    }
+    parts.lights.push(PunctualLight::Point {
+        position: 4.0 * Vec3::Y,
+        intensity: Rgb::splat(30.0),
+        range: f32::INFINITY,
+    });
+    parts.add_camera([0.0, height, 2.0], [0.0, 0.0, 0.0], 20.0);
+    scene(parts)
+}
+
+/// Light comes through layers without noise.
+#[test]
+fn shadow_of_layers_is_what_they_let_pass() {
+    let settings = Settings {
+        max_vertices: 1,
+        ..settings(SamplerKind::Sobol, 2)
+    };
+    let of = |opacities: &[f32]| film_with(&shaded(opacities, 0.8), &settings, 16, 4).mean();
+    let (open, shade) = (of(&[]), of(&[0.3, 0.5]));
+    for (open, shade) in open.pixels.iter().zip(&shade.pixels) {
+        let expected = 0.35 * open.x;
+        assert!(
+            (shade.x - expected).abs() < 1e-5 * expected,
+            "{shade} {open}"
+        );
+    }
+}
+
+/// The camera's rays and those of light pass the same layers independently, whichever end paths begin at.
+#[test]
+fn camera_and_light_pass_layers_independently() {
+    for estimator in [Settings::default().estimator, Estimator::Bdpt] {
+        let settings = Settings {
+            max_vertices: 1,
+            estimator,
+            ..settings(SamplerKind::Sobol, 3)
+        };
+        let of = |opacities: &[f32]| mean(&film_with(&shaded(opacities, 3.0), &settings, 16, 256));
+        let (open, seen) = (of(&[]), of(&[0.3, 0.5]));
+        let expected = 0.35 * 0.35 * open.0;
+        assert!(
+            (seen.0 - expected).abs() < 0.01 * expected + 3.0 * seen.1,
+            "{estimator:?}: {seen:?}, not {expected}"
+        );
+    }
+}
+
+/// The camera does not see the backs of a box that fades, light does.
+#[test]
+fn agreement_of_path_and_bdpt_through_backs_that_fade() {
+    let mut parts = SceneParts::default();
+    let wide = quad(Vec3::new(-4.0, -1.0, -4.0), 8.0 * Vec3::Z, 8.0 * Vec3::X);
+    parts.add(diffuse("floor", Rgb::splat(0.5)), [wide]);
+    let box_of = opsr_lab::gallery::shapes::cuboid(-Vec3::ONE, Vec3::ONE).inverted();
+    let wall = Material {
+        double_sided: false,
+        ..diffuse("wall", Rgb::splat(0.6))
+    };
+    parts.add(fading(0.6, wall), [box_of]);
+    let corner = Vec3::new(-0.4, 0.9, -0.4);
+    parts.add(
+        emitter("lamp", Rgb::splat(4.0)),
+        [quad(corner, Vec3::X * 0.8, Vec3::Z * 0.8)],
+    );
+    parts.add_camera([0.8, 0.6, 4.5], [0.0, 0.0, 0.0], 34.0);
+    let scene = scene(parts);
+    let of = |estimator, seed| {
+        let settings = Settings {
+            estimator,
+            ..settings(SamplerKind::Sobol, seed)
+        };
+        mean(&film_with(&scene, &settings, 16, 512))
+    };
+    let (path, error) = of(Settings::default().estimator, 1);
+    let (both, other) = of(Estimator::Bdpt, 2);
+    assert!(
+        (path - both).abs() < 4.0 * error.hypot(other),
+        "{path} {both} ± {error} {other}"
+    );
+}
+
+#[test]
+fn determinism_of_layers_over_splits_threads_and_crops() {
+    let scene = shaded(&[0.3, 0.5], 3.0);
+    let settings = settings(SamplerKind::Sobol, 5);
+    let size = UVec2::new(21, 18);
+    let render = |window: Window, ends: &[u32], threads: usize| {
+        let mut picture = Picture::new(Film::cropped(size, window).expect("inside"));
+        let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
+        let mut integrator = settings.integrator();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("threads").install(|| {
+            let mut start = 0;
+            for &end in ends {
+                integrator.pass(&view, start..end, &mut picture);
+                start = end;
+            }
+        });
+        picture.film
+    };
+    let whole = render(Window::full(size), &[10], 1);
+    assert_eq!(render(Window::full(size), &[1, 2, 7, 10], 3), whole);
+    let window = Window {
+        x: 3,
+        y: 2,
+        w: 17,
+        h: 16,
+    };
+    assert_eq!(render(window, &[10], 2), whole.cut(window));
+}
