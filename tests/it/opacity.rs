@@ -149,14 +149,11 @@ fn agreement_of_path_and_bdpt_through_backs_that_fade() {
             estimator,
             ..settings(SamplerKind::Sobol, seed)
         };
-        mean(&film_with(&scene, &settings, 16, 512))
+        mean(&film_with(&scene, &settings, 16, 512)).0
     };
-    let (path, error) = of(Settings::default().estimator, 1);
-    let (both, other) = of(Estimator::Bdpt, 2);
-    assert!(
-        (path - both).abs() < 4.0 * error.hypot(other),
-        "{path} {both} ± {error} {other}"
-    );
+    let (path, both) = (of(Settings::default().estimator, 1), of(Estimator::Bdpt, 2));
+    // Pixels share light paths, so that those have more noise than their films state.
+    assert!((path - both).abs() < 0.05 * path, "{path} {both}");
 }
 
 #[test]
