@@ -90,7 +90,7 @@ fn layers_are_met_by_the_product_of_what_passes() {
     }
 }
 
-/// Even numbers meet each layer as often as they should, but for one.
+/// Even numbers meet each layer as often as they should, to within one.
 #[test]
 fn even_numbers_meet_layers_evenly() {
     let opacities = [0.3, 0.5, 0.2, 0.7];
