@@ -392,8 +392,8 @@ plant "translucent: light walks take the surface for opaque" src/bsdf/mod.rs \
     bidirectional::strategies::agreement_of_each_strategy_through_translucent_sheets
 plant "layers: one number decides two of them" src/scene/layers.rs \
     's/\*u = \(\*u - opacity\) \/ \(1\.0 - opacity\);//' opacity::stacked_layers_show_the_product_of_their_opacities
-plant "layers: the camera's way to a light dims behind backs it does not see" src/integrator/walk/mod.rs \
-    's/scene\.has_panes\(\) \|\| scene\.fades\(\)/scene.has_panes()/' opacity::agreement_of_path_and_bdpt_through_backs_that_fade
+plant "layers: hidden backs dim a light path's connection to the camera" src/integrator/walk/mod.rs \
+    's/scene\.has_panes\(\) \|\| scene\.has_layers\(\)/scene.has_panes()/' opacity::agreement_of_path_and_bdpt_through_backs_that_fade
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

@@ -30,8 +30,8 @@ pub struct Geometry {
     cutouts: Vec<bool>,
     instances: Option<Instances>,
     traversal: Traversal,
-    /// True if some rays pass a surface that others meet.
-    fades: bool,
+    /// True if there are surfaces of partial opacity, which some rays pass.
+    has_layers: bool,
 }
 
 /// Traversal of the scene by a ray: the cheapest sufficient kind.
@@ -228,7 +228,7 @@ impl Geometry {
                 cutouts.clear();
             }
         }
-        let fading = |m: &Mesh| {
+        let is_layer = |m: &Mesh| {
             (parts.materials.get(m.material as usize))
                 .is_some_and(|m| m.alpha_mode == AlphaMode::Blend && may_vanish(m))
         };
@@ -245,7 +245,7 @@ impl Geometry {
             cutouts,
             instances,
             traversal,
-            fades: parts.all_meshes().any(fading),
+            has_layers: parts.all_meshes().any(is_layer),
         }
     }
 
@@ -395,9 +395,9 @@ impl Geometry {
         !self.cutouts.is_empty() || self.instances.as_ref().is_some_and(Instances::vanish)
     }
 
-    /// True if some rays pass a surface that others meet.
-    pub(super) fn fades(&self) -> bool {
-        self.fades
+    /// True if there are surfaces of partial opacity, which some rays pass.
+    pub(super) fn has_layers(&self) -> bool {
+        self.has_layers
     }
 
     /// Lower and upper corner of the scene; both zero if it is empty.
@@ -426,8 +426,8 @@ impl Geometry {
         self.among::<false>(parts, ray)
     }
 
-    /// [`Geometry::intersect`] with `u` uniform in [0, 1), which decides which of the surfaces that fade are met; it is
-    /// uniform afterwards too, whatever was met.
+    /// [`Geometry::intersect`] where `u`, uniform in [0, 1), decides which surfaces of partial opacity are hit. It stays
+    /// uniform whatever the ray hits.
     pub(super) fn intersect_drawn(
         &self,
         parts: &SceneParts,
@@ -443,8 +443,8 @@ impl Geometry {
         layers.first(last, u)
     }
 
-    /// Share of the light that surfaces which fade let pass along a ray; `None` if anything else is in its way. `blocks` says
-    /// which materials are in the way wherever they are.
+    /// Transmittance of the surfaces of partial opacity along a ray; `None` if anything else blocks it. `blocks` tells
+    /// materials that block the ray at any opacity above 0.
     #[inline]
     pub(super) fn transmittance(
         &self,
@@ -452,7 +452,7 @@ impl Geometry {
         ray: &Ray,
         blocks: impl Fn(u32) -> bool,
     ) -> Option<f32> {
-        match self.fades {
+        match self.has_layers {
             false => (!self.occluded(parts, ray)).then_some(1.0),
             true => self.transmittance_of_layers(parts, ray, blocks),
         }

@@ -1,16 +1,16 @@
-//! Surfaces that let part of all rays pass, along one ray.
+//! Surfaces of partial opacity along one ray.
 //!
-//! Each is met with its opacity as the probability, by itself. One uniform number decides them all, from the nearest on: below the
-//! opacity the ray meets the surface, and what is left of the number, stretched to [0, 1) again, decides the next. So each
-//! surface is met by the share of the light that comes through to it, and of a set of even numbers by an even share.
+//! A ray hits each of them independently, with the opacity as the probability. One uniform number u decides for all, from
+//! the nearest on: the ray hits a surface of opacity a if u < a, else (u − a) / (1 − a), uniform again, decides for the
+//! next. Stratified numbers thus stratify the choice among all layers.
 
 use super::Hit;
 use std::cell::RefCell;
 
-/// Layers that one number decides. Of further ones a hash of the ray decides.
+/// Layers for which one number decides. A hash of the ray decides for further ones.
 pub(super) const MOST: usize = 8;
 
-/// Layers that a walk through the tree has found.
+/// Layers that a traversal has found.
 #[derive(Default)]
 pub(super) struct Layers(RefCell<(usize, [(Hit, f32); MOST])>);
 
@@ -26,7 +26,7 @@ impl Layers {
         true
     }
 
-    /// The first hit in front of `last` that `u` in [0, 1) meets, else `last`. `u` is uniform afterwards too, whatever was met.
+    /// The first hit in front of `last` by `u` in [0, 1), else `last`. `u` stays uniform, whatever the result.
     pub(super) fn first(self, last: Option<Hit>, u: &mut f64) -> Option<Hit> {
         let (len, mut list) = self.0.into_inner();
         let found = &mut list[..len];

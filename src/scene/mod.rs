@@ -169,7 +169,7 @@ impl Scene {
             parts,
             lights,
             features,
-            draws_ends: media.is_some() || geometry.fades(),
+            draws_ends: media.is_some() || geometry.has_layers(),
             media: media.map(Box::new),
             geometry,
             panes: if has_panes { panes } else { Vec::new() },
@@ -200,15 +200,15 @@ impl Scene {
         self.media.as_deref()
     }
 
-    /// True if media or surfaces that fade may draw where an edge of a path ends.
+    /// True if a random number may decide where an edge of a path ends: in media, or at surfaces of partial opacity.
     #[inline]
     pub(crate) fn draws_ends(&self) -> bool {
         self.draws_ends
     }
 
     /// True if some rays pass a surface that others meet.
-    pub(crate) fn fades(&self) -> bool {
-        self.geometry.fades()
+    pub(crate) fn has_layers(&self) -> bool {
+        self.geometry.has_layers()
     }
 
     /// True if any medium scatters light.

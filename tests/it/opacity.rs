@@ -1,4 +1,4 @@
-//! Surfaces that let part of all rays pass: what stands behind them, their shadows, and the noise of both.
+//! Surfaces of partial opacity: their colours in a stack, their shadows, and the noise of both.
 
 use super::support::render::{film_with, mean, scene};
 use opsr::image::Film;
@@ -41,7 +41,7 @@ fn coloured(opacities: &[f32]) -> Scene {
     scene(parts)
 }
 
-/// Each layer shows by its opacity and what comes through to it, and with far less noise than if each sample decided by itself.
+/// The share of each layer is its opacity times the transmittance before it, with far less noise than by independent samples.
 #[test]
 fn stacked_layers_show_the_product_of_their_opacities() {
     const SAMPLES: u32 = 16;
@@ -88,7 +88,7 @@ fn shaded(opacities: &[f32], height: f32) -> Scene {
     scene(parts)
 }
 
-/// Light comes through layers without noise.
+/// The transmittance of layers has no noise.
 #[test]
 fn shadow_of_layers_is_what_they_let_pass() {
     let settings = Settings {
@@ -106,7 +106,7 @@ fn shadow_of_layers_is_what_they_let_pass() {
     }
 }
 
-/// The camera's rays and those of light pass the same layers independently, whichever end paths begin at.
+/// Camera rays and shadow rays pass the same layers independently, for paths from the camera and from lights.
 #[test]
 fn camera_and_light_pass_layers_independently() {
     for estimator in [Settings::default().estimator, Estimator::Bdpt] {
@@ -125,7 +125,7 @@ fn camera_and_light_pass_layers_independently() {
     }
 }
 
-/// The camera does not see the backs of a box that fades, light does.
+/// A box of partial opacity whose backs are hidden from the camera, and not from light paths.
 #[test]
 fn agreement_of_path_and_bdpt_through_backs_that_fade() {
     let mut parts = SceneParts::default();
@@ -152,7 +152,7 @@ fn agreement_of_path_and_bdpt_through_backs_that_fade() {
         mean(&film_with(&scene, &settings, 16, 512)).0
     };
     let (path, both) = (of(Settings::default().estimator, 1), of(Estimator::Bdpt, 2));
-    // Pixels share light paths, so that those have more noise than their films state.
+    // Pixels share light paths, so that the mean has more noise than the film states.
     assert!((path - both).abs() < 0.05 * path, "{path} {both}");
 }
 

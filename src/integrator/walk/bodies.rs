@@ -274,33 +274,33 @@ impl EnclosingBodies {
         self.follow_by(scene, ray, &mut |ray: &Ray| scene.intersect(ray))
     }
 
-    /// The same where `meet` finds the closest hit along a ray.
+    /// The same where `closest` finds the closest hit along a ray.
     #[inline(always)]
-    fn follow_by(&mut self, scene: &Scene, ray: &Ray, meet: &mut impl Meet) -> Segment {
+    fn follow_by(&mut self, scene: &Scene, ray: &Ray, closest: &mut impl ClosestHit) -> Segment {
         if scene.features().overlaps {
-            return self.follow_through(scene, ray, meet);
+            return self.follow_through(scene, ray, closest);
         }
         Segment {
-            hit: meet(ray),
+            hit: closest(ray),
             start: 0.0,
             passed: None,
         }
     }
 
     /// [`EnclosingBodies::follow`] where a camera ray (`from_camera`) also passes the backs of surfaces that are
-    /// visible only from the front. `meet` finds the closest hit along a ray.
+    /// visible only from the front. `closest` finds the closest hit along a ray.
     #[inline(always)]
     pub(super) fn follow_seen(
         &mut self,
         scene: &Scene,
         ray: &Ray,
         from_camera: bool,
-        meet: &mut impl Meet,
+        closest: &mut impl ClosestHit,
     ) -> Segment {
-        let segment = self.follow_by(scene, ray, meet);
+        let segment = self.follow_by(scene, ray, closest);
         match &segment.hit {
             Some(hit) if from_camera && scene.hides_back(hit, ray.dir) => {
-                self.follow_past(scene, ray, segment, meet)
+                self.follow_past(scene, ray, segment, closest)
             }
             _ => segment,
         }
@@ -313,7 +313,7 @@ impl EnclosingBodies {
         scene: &Scene,
         ray: &Ray,
         mut segment: Segment,
-        meet: &mut impl Meet,
+        closest: &mut impl ClosestHit,
     ) -> Segment {
         for _ in 0..MAX_SURFACES {
             let Some(hit) = segment.hit.filter(|hit| scene.hides_back(hit, ray.dir)) else {
@@ -323,7 +323,7 @@ impl EnclosingBodies {
             rest.t_max = ray.t_max - hit.t;
             let before = segment.passed.unwrap_or(Rgb::ONE)
                 * self.transmittance(scene, hit.t - segment.start);
-            let next = self.follow_by(scene, &rest, meet);
+            let next = self.follow_by(scene, &rest, closest);
             segment = Segment {
                 hit: next.hit.map(|h| Hit {
                     t: hit.t + h.t,
@@ -376,7 +376,12 @@ impl EnclosingBodies {
 
     #[cold]
     #[inline(never)]
-    fn follow_through(&mut self, scene: &Scene, ray: &Ray, meet: &mut impl Meet) -> Segment {
+    fn follow_through(
+        &mut self,
+        scene: &Scene,
+        ray: &Ray,
+        closest: &mut impl ClosestHit,
+    ) -> Segment {
         let mut rest = *ray;
         let mut segment = Segment {
             hit: None,
@@ -384,7 +389,7 @@ impl EnclosingBodies {
             passed: None,
         };
         for _ in 0..MAX_SURFACES {
-            let Some(hit) = meet(&rest) else {
+            let Some(hit) = closest(&rest) else {
                 return segment;
             };
             let mut surface = scene.surface(&hit);
@@ -452,9 +457,9 @@ impl EnclosingBodies {
 }
 
 /// A search for the closest hit along a ray.
-pub(super) trait Meet: FnMut(&Ray) -> Option<Hit> {}
+pub(super) trait ClosestHit: FnMut(&Ray) -> Option<Hit> {}
 
-impl<F: FnMut(&Ray) -> Option<Hit>> Meet for F {}
+impl<F: FnMut(&Ray) -> Option<Hit>> ClosestHit for F {}
 
 /// Segment of a path from a point to the surface that ends it, with the boundaries that it passed.
 pub(in crate::integrator) struct Segment {

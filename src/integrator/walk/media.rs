@@ -15,7 +15,7 @@
 //! MIS weights leave media out: the density of every strategy has the factor σs of each point in a medium and the
 //! transmittance of each edge except one. Weights without these factors also add up to 1.
 
-use super::{Arrival, Meet, PendingWeight, Walk};
+use super::{Arrival, ClosestHit, PendingWeight, Walk};
 use crate::math::Rgb;
 use crate::sampler::Sampler;
 use crate::scene::Hit;
@@ -51,18 +51,18 @@ fn distance(filling: &MediumValues, chances: Rgb, [choice, share]: [f32; 2]) -> 
 }
 
 impl Walk<'_> {
-    /// [`Walk::arrive`] in a scene with media, where `meet` finds the closest hit along a ray.
+    /// [`Walk::arrive`] in a scene with media, where `closest` finds the closest hit along a ray.
     pub(super) fn arrive_in(
         &mut self,
         media: &Media,
         pending: &mut impl PendingWeight,
         numbers: &mut impl Sampler,
-        meet: &mut impl Meet,
+        closest: &mut impl ClosestHit,
     ) -> Option<Arrival> {
         let scene = self.scene;
         let (mut rest, mut before) = (self.ray, 0.0);
         for _ in 0..MAX_SURFACES {
-            let hit = meet(&rest);
+            let hit = closest(&rest);
             let end = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
             let filling = self.around.filling(scene, media);
             // As in light sampling, a dropped body makes the sample NaN.

@@ -37,9 +37,9 @@ use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::sampler::Sampler;
 use crate::scene::sensor::PixelCone;
 use crate::scene::{Hit, Scene, Surface};
+use bodies::ClosestHit;
 /// Media around a point of a path, which absorb light on its way from there.
 pub(super) use bodies::EnclosingBodies as Surroundings;
-use bodies::Meet;
 use dispersion::Channel;
 pub(super) use pending_emission::{HitEmission, PendingWeight};
 use shading_point::{Continuation, ShadingPoint};
@@ -128,7 +128,8 @@ impl Interaction<'_> {
     ) -> Option<Rgb> {
         let direct = self.unblocked(scene, around, ray, distance, panes);
         // A hidden back towards the camera, of a pane or with partial opacity, transmits all light.
-        if scene.features().hidden_backs && (direct.is_none() || scene.has_panes() || scene.fades())
+        if scene.features().hidden_backs
+            && (direct.is_none() || scene.has_panes() || scene.has_layers())
         {
             let around = match scene.tracks_bodies() {
                 true => self.around(scene, around, ray.dir),
@@ -202,14 +203,14 @@ impl<'a> Walk<'a> {
         numbers: &mut impl Sampler,
     ) -> Option<Arrival> {
         let mut u = None;
-        if self.scene.fades() {
+        if self.scene.has_layers() {
             u = numbers.opacity();
         }
         let scene = self.scene;
-        let mut meet = |ray: &Ray| scene.intersect_drawn(ray, &mut u);
+        let mut closest = |ray: &Ray| scene.intersect_drawn(ray, &mut u);
         match self.scene.media() {
-            Some(media) => self.arrive_in(media, pending, numbers, &mut meet),
-            None => self.arrive_by(pending, &mut meet),
+            Some(media) => self.arrive_in(media, pending, numbers, &mut closest),
+            None => self.arrive_by(pending, &mut closest),
         }
     }
 
@@ -223,14 +224,14 @@ impl<'a> Walk<'a> {
         self.arrive_by(pending, &mut |ray: &Ray| scene.intersect(ray))
     }
 
-    /// The same where `meet` finds the closest hit along a ray.
+    /// The same where `closest` finds the closest hit along a ray.
     #[inline(always)]
     fn arrive_by(
         &mut self,
         pending: &mut impl PendingWeight,
-        meet: &mut impl Meet,
+        closest: &mut impl ClosestHit,
     ) -> Option<Arrival> {
-        let segment = (self.around).follow_seen(self.scene, &self.ray, self.from_camera, meet);
+        let segment = (self.around).follow_seen(self.scene, &self.ray, self.from_camera, closest);
         if let Some(passed) = segment.passed {
             self.throughput *= passed;
             pending.scale(passed);

@@ -36,7 +36,7 @@ fn stack(opacities: &[f32], instances: bool) -> Scene {
     Scene::new(parts)
 }
 
-/// The layer that a ray from above meets, with what it leaves of `u`.
+/// The layer that a ray from above hits, and `u` afterwards.
 fn meet(scene: &Scene, at: [f32; 2], u: f64) -> (usize, f64) {
     let ray = Ray::new(Vec3::new(at[0], at[1], 1.0), Vec3::NEG_Z);
     let mut u = Some(u);
@@ -44,7 +44,7 @@ fn meet(scene: &Scene, at: [f32; 2], u: f64) -> (usize, f64) {
     (hit.t.round() as usize - 1, u.expect("a number"))
 }
 
-/// Shares of the rays that meet each layer.
+/// Shares of the rays that hit each layer.
 fn shares(opacities: &[f32]) -> Vec<f64> {
     let mut through = 1.0;
     let share = |&opacity: &f32| {
@@ -128,7 +128,7 @@ fn transmittance_of_layers_is_their_product() {
     }
 }
 
-/// A pane that fades lets through what it transmits where it is, and all elsewhere.
+/// A pane of partial opacity has the transmittance 1 − a + a t.
 #[test]
 fn fading_panes_pass_what_they_transmit() {
     let pane = |opacity| {
