@@ -91,15 +91,31 @@ fn mixed((width, height): Size, planes: &[Vec<f32>]) -> Vec<Mixed> {
         let mixed = Mixed { pixel, step, share };
         mixture.then_some((square, mixed))
     };
-    let of = |pixel: usize| {
-        let steps = [1, width, width + 1, width - 1].into_iter();
-        let all = steps.filter_map(|step| between(pixel, step));
+    let steps = [1, width, width + 1, width.saturating_sub(1)];
+    let of = &|pixel: usize| {
+        let all = (steps.into_iter()).filter_map(|step| between(pixel, step));
         let best = all.max_by(|a, b| a.0.total_cmp(&b.0));
         best.map(|(_, mixed)| mixed)
     };
-    let rows = 2..height.saturating_sub(2);
-    let pixels = rows.flat_map(|y| (2..width.saturating_sub(2)).map(move |x| y * width + x));
-    pixels.filter_map(of).collect()
+    let inner = width.saturating_sub(4);
+    let row = |y: usize| {
+        let first = y * width + 2;
+        let mut most = vec![0.0f32; inner];
+        for step in steps {
+            let [p, q] = [first - step, first + step].map(|i| i..i + inner);
+            let mut squares = vec![0.0f32; inner];
+            for plane in planes {
+                let pairs = plane[p.clone()].iter().zip(&plane[q.clone()]);
+                let pairs = squares.iter_mut().zip(pairs);
+                pairs.for_each(|(square, (p, q))| *square += (p - q) * (p - q));
+            }
+            let pairs = most.iter_mut().zip(squares);
+            pairs.for_each(|(most, square)| *most = most.max(square));
+        }
+        let apart = move |x: &usize| most[*x] >= APART;
+        (0..inner).filter(apart).filter_map(move |x| of(first + x))
+    };
+    (2..height.saturating_sub(2)).flat_map(row).collect()
 }
 
 /// Variance of the normals in pixels on an edge between surfaces, times [`NORMAL`]: for unit normals it is 1 − |mean|².
@@ -219,9 +235,17 @@ impl Guide {
     /// straight edge differ from both of its surfaces, so that its own blur has few pixels: it takes the mixture of
     /// both neighbours' blurs.
     fn mix(&self, around: &Inner, inner: &Inner, light: &Batches) -> Batches {
-        let mut mixed: Batches = (inner.pixels())
-            .map(|pixel| light[around.place(pixel)])
-            .collect();
+        let origin = (
+            inner.origin.0 - around.origin.0,
+            inner.origin.1 - around.origin.1,
+        );
+        let width = around.size.0;
+        let part = Inner {
+            origin,
+            width,
+            ..*inner
+        };
+        let mut mixed = part.of(light);
         for &Mixed { pixel, step, share } in &self.mixed {
             let (x, y) = (pixel % self.size.0, pixel / self.size.0);
             let (x, y) = (

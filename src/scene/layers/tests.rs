@@ -122,7 +122,10 @@ fn transmittance_of_layers_is_their_product() {
             ..Ray::new(Vec3::new(0.2, 0.1, 1.0), Vec3::NEG_Z)
         };
         for (t_max, passed) in [(0.5, 1.0), (1.5, 0.5), (2.5, 0.375), (40.0, 0.093_75)] {
-            assert_eq!(scene.open_transmittance(&ray(t_max), 0), Some(Rgb::splat(passed)));
+            assert_eq!(
+                scene.open_transmittance(&ray(t_max), 0),
+                Some(Rgb::splat(passed))
+            );
         }
         assert_eq!(scene.open_transmittance(&ray(60.0), 0), None);
     }
@@ -149,7 +152,9 @@ fn fading_panes_pass_what_they_transmit() {
                 t_max: 2.0,
                 ..Ray::new(Vec3::new(0.9 * i as f32 / n as f32, 0.1, 1.0), Vec3::NEG_Z)
             };
-            scene.open_transmittance(&ray, 1).map_or(0.0, |passed| passed.x)
+            scene
+                .open_transmittance(&ray, 1)
+                .map_or(0.0, |passed| passed.x)
         });
         passed.sum::<f32>() / n as f32
     };
