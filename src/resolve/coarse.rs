@@ -308,8 +308,8 @@ pub(super) struct Caps {
 }
 
 impl Caps {
-    /// Caps by pixel of light by pixel and batch: a multiple of the median of the batches around, plus one of the mean
-    /// of those that are not black.
+    /// The cap of every pixel, for light by pixel and batch: a multiple of the median of the batches around, plus one of
+    /// the mean of those that are not black.
     pub(super) fn of(film: &LevelFilm, light: impl Fn(usize, usize) -> Vec3A + Sync) -> Self {
         let window = film.window();
         let pixels = (window.w as usize, window.h as usize);

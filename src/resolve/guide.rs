@@ -44,7 +44,7 @@ pub(super) struct Guide {
     here: Vec<f32>,
     /// Length that a plane adds to it a pixel away.
     slope: Vec<f32>,
-    /// Pixels on straight edges, in ascending order.
+    /// Pixels on straight edges, in ascending order; none if blurs are not mixed there.
     mixed: Vec<Mixed>,
 }
 
@@ -91,13 +91,16 @@ fn mixed((width, height): Size, planes: &[Vec<f32>]) -> Vec<Mixed> {
         let mixed = Mixed { pixel, step, share };
         mixture.then_some((square, mixed))
     };
-    let steps = [1, width, width + 1, width.saturating_sub(1)];
+    let inner = width.saturating_sub(4);
+    if inner == 0 {
+        return Vec::new();
+    }
+    let steps = [1, width, width + 1, width - 1];
     let of = &|pixel: usize| {
         let all = (steps.into_iter()).filter_map(|step| between(pixel, step));
         let best = all.max_by(|a, b| a.0.total_cmp(&b.0));
         best.map(|(_, mixed)| mixed)
     };
-    let inner = width.saturating_sub(4);
     let row = |y: usize| {
         let first = y * width + 2;
         let mut most = vec![0.0f32; inner];
@@ -144,7 +147,7 @@ fn spread((width, height): Size, features: &[Features], first: usize) -> Vec<f32
 }
 
 impl Guide {
-    /// The normal of a surface, its distance along the path, and the reflectance of the first surface.
+    /// The normal of a surface, its distance along the path, and the reflectance of the first surface, without edges.
     pub(super) fn new(size: Size, surface: Surface, features: &[Features]) -> Self {
         let (width, height) = size;
         let first = match surface {
@@ -154,7 +157,7 @@ impl Guide {
         let plane = |at: usize, scale: f32| features.iter().map(|f| f[at] * scale).collect();
         let normals = (first..first + 3).map(|at| plane(at, NORMAL.sqrt()));
         let reflectance = (8..FEATURES).map(|at| plane(at, 0.5f32.sqrt() / ALBEDO));
-        let planes: Vec<_> = normals.chain(reflectance).collect();
+        let planes = normals.chain(reflectance).collect();
         let length: Vec<f32> = plane(first + 3, 1.0);
         let slope = |i: usize| {
             let (x, y) = (i % width, i / width);
@@ -168,13 +171,20 @@ impl Guide {
         let slope = (0..length.len()).map(slope).collect();
         Self {
             size,
-            mixed: mixed(size, &planes),
+            mixed: Vec::new(),
             planes,
             spread: spread(size, features, first),
             length,
             here,
             slope,
         }
+    }
+
+    /// [`Self::new`], with the pixels on straight edges: their blurs are mixtures.
+    pub(super) fn with_edges(size: Size, surface: Surface, features: &[Features]) -> Self {
+        let mut guide = Self::new(size, surface, features);
+        guide.mixed = mixed(size, &guide.planes);
+        guide
     }
 
     /// Weights, below 1, of the pixels to the left, to the right, above and below a pixel; 0 outside of the picture.

@@ -14,7 +14,7 @@ const SCALES: [(usize, f32); 2] = [(RADIUS, 19.0 / 81.0), (WIDE_RADIUS, 231.0 / 
 /// The larger of the [`SCALES`].
 pub(super) const WIDE_RADIUS: usize = 3;
 
-/// Standard deviations of an unbiased U from which a difference of four batches is significant; more for fewer.
+/// Standard deviations of U without a bias from which a difference of four batches is significant; more for fewer.
 const SIGNIFICANT: f32 = 4.0;
 
 /// Share that counts of an insignificant difference of four batches, up to the wider U; for n batches times (n/4)².
@@ -166,7 +166,7 @@ impl Choice {
 }
 
 /// The choices without those due to chance: a pixel takes the next wider blur if too few pixels around have a blur as
-/// narrow, among all of them or among those on its surface. Four batches prefer a narrow candidate by chance in single
+/// narrow, among all of them and among those on its surface. Four batches prefer a narrow candidate by chance in single
 /// pixels, and at a feature of the picture in many.
 pub(super) fn common(
     size: Size,

@@ -243,7 +243,7 @@ fn gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black() {
             size: (w, h),
             width: w,
         };
-        let guide = Guide::new((w, h), Surface::Rough, features);
+        let guide = Guide::with_edges((w, h), Surface::Rough, features);
         let blurred = guide.blur::<1>(1.0, &inner, &[&light], BATCHES);
         let first = blurred[0].iter().map(|light| light[0].x);
         first.collect::<Vec<f32>>()
@@ -275,7 +275,7 @@ fn gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black() {
             [0.0, 1.0, 0.0, 5.0]
         }
     });
-    // The pixel on the edge, with a little more wall than floor, takes light of both, and more of the wall's: as much as it shows if
+    // The pixel on the edge, with a little more wall than floor, takes light of both, and more of the wall's: its share if
     // both are even. Gloss that spreads the normals of a whole region as much is no edge.
     let mixed = [0.0, 0.45, 0.55, 5.0];
     let edge = |x: usize| match x {
@@ -411,7 +411,7 @@ fn blur_of_a_pixel_does_not_depend_on_those_blurred_with_it() {
     let light = |i: usize| std::array::from_fn(|b| Vec3A::splat(random(i, b)));
     let light: Vec<[Vec3A; BATCHES]> = (0..w * h).map(light).collect();
     for (surface, sigma) in [(Surface::First, 2.0), (Surface::Rough, 0.7)] {
-        let guide = Guide::new((w, h), surface, &features);
+        let guide = Guide::with_edges((w, h), surface, &features);
         let part = |origin, size| Inner {
             origin,
             size,
@@ -1525,4 +1525,28 @@ fn alike_is_the_weight_of_a_blur_without_its_distance() {
         }
     }
     assert!(least < 0.5, "{least}");
+}
+
+/// Films of one column, and of one column of cells, have no edges to look for.
+#[test]
+fn narrow_films_are_resolved() {
+    for (w, h) in [(1, 5), (1, 40), (4, 40), (3, 17), (5, 5), (40, 1)] {
+        for count in [1, 3] {
+            let size = crate::math::UVec2::new(w, h);
+            let mut film = LevelFilm::new(size, Window::full(size), count);
+            for pixel in 0..film.window().len() {
+                for sample in 0..BATCHES as u32 {
+                    let path = PathLevels {
+                        levels: &[Rgb::ONE; 3][..count],
+                        shared: Rgb::splat(0.5),
+                        features: [0.5 + (pixel % 2) as f32; FEATURES],
+                    };
+                    film.push(pixel, sample, &path);
+                }
+            }
+            let resolved = resolve_film(&film, Resolve::Default);
+            let picture = &resolved.picture.pixels;
+            assert!(picture.iter().all(|p| (p.x - 1.0).abs() < 1e-3), "{w} {h}");
+        }
+    }
 }

@@ -378,7 +378,7 @@ impl<'a> TileData<'a> {
         } else {
             self.cap(&mut capped);
         }
-        let guide = Guide::new(self.size, Surface::First, features);
+        let guide = Guide::with_edges(self.size, Surface::First, features);
         for (_, mut blurred) in self.blurs(&guide, &[&capped], !keeps_glints) {
             let mut blurred = blurred.remove(0);
             if keeps_glints {
@@ -420,7 +420,7 @@ impl<'a> TileData<'a> {
         };
         let guide = match self.whole.limits.blurs {
             [] => None,
-            _ => Some(Guide::new(self.size, Surface::Rough, &features)),
+            _ => Some(Guide::with_edges(self.size, Surface::Rough, &features)),
         };
         drop(features);
         let blurs = guide.as_ref().map_or(Vec::new(), |guide| match &*levels {

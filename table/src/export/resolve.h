@@ -368,8 +368,7 @@ static float opsr_alike(const opsr_film *f, opsr_guide g, int x, int y, float sc
 }
 #undef OPSR_F
 
-/* Squared difference of the guides of two pixels, but for the lengths; of a mixture of two and a third with `share`, where `mixed`
- * is not below 0. */
+/* Squared difference of the guides of two pixels, except the lengths; with `mixed` >= 0 that of this pixel and the mixture of both. */
 static float opsr_apart(const opsr_film *f, int at, int first, int second, float share, int mixed) {
     float all = 0.0f;
     for (int i = 0; i < 6; i++) {
@@ -390,7 +389,7 @@ static int opsr_mixed(const opsr_film *f, int first, int x, int y, float *share)
     for (int k = 0; k < 4; k++) {
         int step = steps[k], p = i - step, q = i + step;
         float square = opsr_apart(f, at, p, q, 0.0f, -1), along = 0.0f;
-        if (square < most) continue;
+        if (!(square >= most)) continue;
         for (int j = 0; j < 6; j++) {
             int feature = j < 3 ? at + j : 5 + j;
             const float *v = f->features + feature;
@@ -398,8 +397,8 @@ static int opsr_mixed(const opsr_film *f, int first, int x, int y, float *share)
             along += (j < 3 ? 10.0f : 50.0f) * (to - v[(size_t)i * OPSR_FEATURES]) * (to - v[(size_t)p * OPSR_FEATURES]);
         }
         along /= square;
-        if (along < 0.0f || along > 1.0f || opsr_apart(f, at, p, q, along, i) >= 0.01f * square) continue;
-        if (opsr_apart(f, at, p, p - step, 0.0f, -1) >= 3e-4f * square || opsr_apart(f, at, q, q + step, 0.0f, -1) >= 3e-4f * square) continue;
+        if (!(along >= 0.0f && along <= 1.0f) || !(opsr_apart(f, at, p, q, along, i) < 0.01f * square)) continue;
+        if (!(opsr_apart(f, at, p, p - step, 0.0f, -1) < 3e-4f * square) || !(opsr_apart(f, at, q, q + step, 0.0f, -1) < 3e-4f * square)) continue;
         best = step, most = square, *share = along;
     }
     return best;
@@ -433,13 +432,14 @@ static opsr_light opsr_blurred(const opsr_film *f, int first, float sigma, int s
 
 /* The blur of all pixels. A pixel on an edge is like none of its two surfaces: it takes the mixture of the blurs of both. */
 static void opsr_blur(const opsr_film *f, int first, float sigma, int step, const opsr_light *in, opsr_light *out) {
-    for (int i = 0; i < f->width * f->height; i++) {
-        int w = f->width;
+    size_t n = (size_t)f->width * f->height;
+    for (size_t i = 0; i < n; i++) {
+        int w = f->width, x = (int)(i % w), y = (int)(i / w);
         float share = 0.0f;
-        int to = opsr_mixed(f, first, i % w, i / w, &share), p = i - to, q = i + to;
-        out[i] = opsr_blurred(f, first, sigma, step, in, p % w, p / w);
+        int to = opsr_mixed(f, first, x, y, &share), dy = to > 1 ? 1 : 0, dx = to - dy * w;
+        out[i] = opsr_blurred(f, first, sigma, step, in, x - dx, y - dy);
         if (!to) continue;
-        opsr_light other = opsr_blurred(f, first, sigma, step, in, q % w, q / w);
+        opsr_light other = opsr_blurred(f, first, sigma, step, in, x + dx, y + dy);
         for (int b = 0; b < OPSR_BATCHES; b++)
             for (int c = 0; c < 3; c++) out[i].v[b][c] = share * out[i].v[b][c] + (1.0f - share) * other.v[b][c];
     }
