@@ -13,7 +13,6 @@ use super::{Footprint, Hit, Mesh, SceneParts, Surface, TriangleId};
 use crate::bsdf::DELTA_ALPHA;
 use crate::math::{DVec3, Ray, Rgb, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
-use std::cell::Cell;
 use std::ops::Range;
 
 /// Half a unit in the last place, relative.
@@ -438,7 +437,10 @@ impl Geometry {
         let last = self.within::<false>(ray, |hit| match self.presence(parts, hit) {
             0.0 => false,
             1.0 => true,
-            part => !layers.add(hit, part) && chance(ray, hit.triangle) < part,
+            part => {
+                layers.add(hit, part);
+                false
+            }
         });
         layers.first(last, u)
     }
@@ -466,13 +468,13 @@ impl Geometry {
         ray: &Ray,
         blocks: impl Fn(u32) -> bool,
     ) -> Option<f32> {
-        let passed = Cell::new(1.0);
+        let layers = Layers::default();
         let blocked = self.within::<true>(ray, |hit| {
             let presence = self.presence(parts, hit);
-            passed.set(passed.get() * (1.0 - presence));
+            layers.add(hit, presence);
             presence == 1.0 || presence > 0.0 && blocks(self.triangle_material(hit.triangle))
         });
-        blocked.is_none().then_some(passed.get())
+        blocked.is_none().then(|| layers.transmittance())
     }
 
     /// The closest hit on triangles and instances, or with `ANY` any; `keep` is asked about those that opacity may remove.
@@ -651,7 +653,7 @@ impl Geometry {
         let uvs = self.triangle_uvs(parts, hit.triangle);
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let uv = mix(&weights, uvs);
-        match &material.finish {
+        let presence = match &material.finish {
             Some(finish) if finish.needs_attributes() => {
                 self.at(hit.triangle, |triangle, to_world| {
                     let mesh = to_world.mesh(parts, triangle.mesh);
@@ -667,7 +669,9 @@ impl Geometry {
                 })
             }
             _ => material.presence(&parts.textures, uv),
-        }
+        };
+        // In this order NaN is 0.
+        presence.max(0.0).min(1.0)
     }
 }
 
