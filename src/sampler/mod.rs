@@ -160,7 +160,7 @@ pub trait Sampler {
         Vec2::new(self.next_1d(), self.next_1d())
     }
 
-    /// Number in [0, 1) that decides which surfaces of partial opacity the next edge hits; `None` for a hash of its ray.
+    /// Number in [0, 1) that decides which partly opaque surfaces the next edge hits; `None` for a hash of its ray.
     fn opacity(&mut self) -> Option<f64> {
         None
     }

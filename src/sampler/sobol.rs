@@ -1,11 +1,10 @@
 //! Owen-scrambled Sobol points for camera paths and light paths.
 //!
-//! The numbers of a path come in sets of four: film and lens, or direction and point of emission; then, for each of the
-//! first [`VERTICES`] vertices, one set that samples a light and one that samples the BSDF; then one set for the opacity
-//! along the first four edges. A light path has one more set for the choice of its light and side. A set is the first
-//! four dimensions of the Sobol sequence (direction
-//! numbers of Joe, Kuo: *Constructing Sobol Sequences with Better Two-Dimensional Projections*, 2008), with its own
-//! shuffling and scrambling `[Burley20]`. Pairs that cover an area, such as the point on a light, are the first two
+//! The numbers of a path come in sets of four. The first has film and lens, or direction and point of emission. Each of
+//! the first [`VERTICES`] vertices has two: one samples a light, one the BSDF. A further set is for the light and side
+//! of a light path, the last for the opacity along the first four edges. A set is the first four dimensions of the Sobol
+//! sequence (direction numbers of Joe, Kuo: *Constructing Sobol Sequences with Better Two-Dimensional Projections*,
+//! 2008), with its own shuffling and scrambling `[Burley20]`. Pairs that cover an area, such as the point on a light, are the first two
 //! dimensions: every aligned run of 2^m samples has one such point in every elementary interval of area 2^-m. Every
 //! number alone is uniform, so that each sample is an unbiased estimate; samples of one sequence are correlated, and
 //! the variance of their mean is about that of independent samples at most.

@@ -206,7 +206,7 @@ impl Scene {
         self.draws_ends
     }
 
-    /// True if some rays pass a surface that others meet.
+    /// True if there are surfaces of partial opacity, which some rays pass.
     pub(crate) fn has_layers(&self) -> bool {
         self.geometry.has_layers()
     }
@@ -257,8 +257,8 @@ impl Scene {
         self.geometry.intersect(&self.parts, ray)
     }
 
-    /// [`Scene::intersect`] where `u`, uniform in [0, 1), decides which surfaces of partial opacity are hit. It stays uniform
-    /// whatever the ray hits; `None` for a hash of the ray.
+    /// [`Scene::intersect`] where `u`, uniform in [0, 1), decides which surfaces of partial opacity are hit. It stays
+    /// uniform whatever the ray hits; `None` for a hash of the ray.
     pub(crate) fn intersect_drawn(&self, ray: &Ray, u: &mut Option<f64>) -> Option<Hit> {
         match u {
             Some(u) => self.geometry.intersect_drawn(&self.parts, ray, u),
@@ -365,9 +365,8 @@ impl Scene {
         Some(share * wall.straight_transmittance(cos))
     }
 
-    /// Transmittance between the ray's origin and its `t_max`: that of surfaces of partial opacity, or of
-    /// at most `most` panes; `None` if anything
-    /// else blocks the ray.
+    /// Transmittance between the ray's origin and its `t_max`: the product over surfaces of partial opacity, or over at
+    /// most `most` panes; `None` if anything else blocks the ray.
     #[inline]
     pub(crate) fn open_transmittance(&self, ray: &Ray, most: u32) -> Option<Rgb> {
         let is_pane = |material: u32| self.panes.get(material as usize) == Some(&true);

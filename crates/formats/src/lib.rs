@@ -110,7 +110,7 @@ fn unpacked(bytes: &[u8], place: &str) -> Result<Vec<u8>> {
     inflated(flate2::read::MultiGzDecoder::new(bytes), place)
 }
 
-/// All bytes of a stream, up to [`MOST_BYTES`].
+/// All bytes of a stream, up to [`MAX_BYTES`].
 fn inflated(stream: impl Read, place: &str) -> Result<Vec<u8>> {
     let mut out = Vec::new();
     let mut stream = stream.take(MAX_BYTES + 1);

@@ -20,7 +20,7 @@ const FAST_FRAME_SECONDS: f64 = 0.25;
 pub(super) const MAX_SCALE: u32 = 16;
 pub(super) const LAST_SCALE: u32 = 2;
 
-/// Samples after which a preview is shown: the first number for every preview, the others for the last one as well.
+/// Samples after which a preview is shown: the first number for previews before the last one, all for the last one.
 const PREVIEW_SAMPLES: [u32; 3] = [2, 4, 8];
 
 /// Seconds per pixel of a preview before one is measured.

@@ -356,7 +356,7 @@ fn is_sharp(material: &Material) -> bool {
     !material.is_rough() && material.alpha < SHARP && !material.is_pane()
 }
 
-/// Corners of the triangles that throw caustics, at most [`MOST_ITEMS`] triangles.
+/// Corners of the triangles that throw caustics, at most [`MAX_ITEMS`] triangles.
 fn sharp_triangles(scene: &Scene) -> Vec<Vec<Vec3>> {
     let sharp: Vec<bool> = scene.parts().materials.iter().map(is_sharp).collect();
     if !sharp.contains(&true) {

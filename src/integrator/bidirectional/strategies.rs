@@ -11,7 +11,7 @@ pub enum Strategies {
     All,
     /// Light tracing: t = 1, and lights that the camera walk hits before its first non-Dirac draw; weight 1.
     Light,
-    /// Photon density: merges at rough lobes of a camera walk along sharp ones, and lights found by these.
+    /// Photon density: merges at the first rough lobe of a camera walk, and lights that it hits before; weight 1.
     Density,
     /// One strategy with its weight among all: the pictures of all strategies add up to the whole.
     One(Strategy),

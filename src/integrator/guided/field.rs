@@ -16,7 +16,7 @@ const MAX_LEAVES: usize = 8192;
 
 /// Candidates for the probability of drawing from the BSDF. A leaf takes the one with the largest Σ w log p, with w the
 /// light from a direction over its density: the mixture with the least Kullback-Leibler divergence from the light
-/// found. `[Müller19 §3.3]` uses gradient descent. Path weights grow at most by 1/0.5 per vertex.
+/// found. `[Müller19 §3.3]` uses gradient descent. Path weights grow at most by a factor of 2 per vertex.
 const SHARES: [f32; 5] = [0.5, 0.65, 0.8, 0.9, 1.0];
 
 /// Least gain of the mean of log p over the BSDF alone for which directions are drawn from a tree.

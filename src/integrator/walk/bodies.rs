@@ -410,7 +410,7 @@ impl EnclosingBodies {
         segment
     }
 
-    /// Transmittance along a ray over a distance, through at most `panes` panes; `None` if something else stands
+    /// Transmittance along a ray, through partial opacity and at most `panes` panes; `None` if something else stands
     /// between its origin and its `t_max`.
     #[inline]
     pub(in crate::integrator) fn unblocked(

@@ -98,7 +98,7 @@ impl Interaction<'_> {
         around.towards(scene, self.surface, self.bsdf, self.wo.z > 0.0, dir)
     }
 
-    /// Transmittance from here along a ray over a distance, through at most `panes` panes; `None` if something else
+    /// Transmittance from here along a ray, through partial opacity and at most `panes` panes; `None` if something else
     /// blocks it. `around` are the media around the previous edge.
     #[inline]
     pub(super) fn unblocked(

@@ -33,7 +33,7 @@ impl Avx2 {
         (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
     }
 
-    /// See [`super::portable::walk`].
+    /// See [`super::portable::find_hit`].
     #[inline]
     pub(super) fn find_hit<const ANY: bool>(
         self,
