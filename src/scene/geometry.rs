@@ -670,8 +670,12 @@ impl Geometry {
             }
             _ => material.presence(&parts.textures, uv),
         };
-        // In this order NaN is 0.
-        presence.max(0.0).min(1.0)
+        // NaN is 0.
+        if presence > 0.0 {
+            presence.min(1.0)
+        } else {
+            0.0
+        }
     }
 }
 
