@@ -134,9 +134,6 @@ plant "blurred noise is weighed by the bright side of an edge" src/resolve/layer
 plant "a pixel on an edge is like neither surface" src/resolve/guide.rs \
     's/\(square\(0\) \+ square\(1\) \+ square\(2\) - spread\)\.max\(0\.0\)/square(0) + square(1) + square(2)/' \
     lib::resolve::tests::gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black
-plant "a pixel on a straight edge takes the other surface's share" src/resolve/guide.rs \
-    's/share \* p\[b\] \+ \(1\.0 - share\) \* q\[b\]/share * q[b] + (1.0 - share) * p[b]/' \
-    lib::resolve::tests::gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black
 plant "textures are no edges of blurs along rough surfaces" src/resolve/guide.rs \
     's/let reflectance = \(8\.\.FEATURES\)/let reflectance = (4..7)/' \
     lib::resolve::tests::a_difference_of_reflectance_is_an_edge_of_both_surfaces

@@ -44,81 +44,6 @@ pub(super) struct Guide {
     here: Vec<f32>,
     /// Length that a plane adds to it a pixel away.
     slope: Vec<f32>,
-    /// Pixels on straight edges, in ascending order; none if blurs are not mixed there.
-    mixed: Vec<Mixed>,
-}
-
-/// A pixel on the edge between two even surfaces, which two opposite neighbours show.
-struct Mixed {
-    pixel: usize,
-    /// Pixels from the first neighbour to this pixel, and from this to the second neighbour.
-    step: usize,
-    /// Share of the first surface in the pixel.
-    share: f32,
-}
-
-/// Least squared difference of the two surfaces, in the exponent.
-const APART: f32 = 1.0;
-
-/// Largest squared difference of the pixel from a mixture of both, over the squared difference of the two.
-const OFF: f32 = 0.01;
-
-/// Largest squared difference of each neighbour from the pixel beyond it, over the same. Near the outline of a ball the
-/// surface is not even: light of the neighbour differs from the light of the surface within the pixel.
-const UNEVEN: f32 = 3e-4;
-
-/// Pixels whose planes, means over their samples, are a mixture of the planes of two opposite neighbours. Of four
-/// directions the one with the most different neighbours counts.
-fn mixed((width, height): Size, planes: &[Vec<f32>]) -> Vec<Mixed> {
-    let apart = |a: usize, b: usize| -> f32 {
-        let square = |plane: &Vec<f32>| (plane[a] - plane[b]).powi(2);
-        planes.iter().map(square).sum()
-    };
-    let between = |pixel: usize, step: usize| {
-        let (p, q) = (pixel - step, pixel + step);
-        let square = apart(p, q);
-        if square < APART {
-            return None;
-        }
-        let along = |plane: &Vec<f32>| (plane[q] - plane[pixel]) * (plane[q] - plane[p]);
-        let share = planes.iter().map(along).sum::<f32>() / square;
-        let off =
-            |plane: &Vec<f32>| (share * plane[p] + (1.0 - share) * plane[q] - plane[pixel]).powi(2);
-        let even = [(p, p - step), (q, q + step)].map(|(a, b)| apart(a, b) < UNEVEN * square);
-        let mixture = (0.0..=1.0).contains(&share)
-            && even == [true; 2]
-            && planes.iter().map(off).sum::<f32>() < OFF * square;
-        let mixed = Mixed { pixel, step, share };
-        mixture.then_some((square, mixed))
-    };
-    let inner = width.saturating_sub(4);
-    if inner == 0 {
-        return Vec::new();
-    }
-    let steps = [1, width, width + 1, width - 1];
-    let of = &|pixel: usize| {
-        let all = (steps.into_iter()).filter_map(|step| between(pixel, step));
-        let best = all.max_by(|a, b| a.0.total_cmp(&b.0));
-        best.map(|(_, mixed)| mixed)
-    };
-    let row = |y: usize| {
-        let first = y * width + 2;
-        let mut most = vec![0.0f32; inner];
-        for step in steps {
-            let [p, q] = [first - step, first + step].map(|i| i..i + inner);
-            let mut squares = vec![0.0f32; inner];
-            for plane in planes {
-                let pairs = plane[p.clone()].iter().zip(&plane[q.clone()]);
-                let pairs = squares.iter_mut().zip(pairs);
-                pairs.for_each(|(square, (p, q))| *square += (p - q) * (p - q));
-            }
-            let pairs = most.iter_mut().zip(squares);
-            pairs.for_each(|(most, square)| *most = most.max(square));
-        }
-        let apart = move |x: &usize| most[*x] >= APART;
-        (0..inner).filter(apart).filter_map(move |x| of(first + x))
-    };
-    (2..height.saturating_sub(2)).flat_map(row).collect()
 }
 
 /// Variance of the normals in pixels on an edge between surfaces, times [`NORMAL`]: for unit normals it is 1 − |mean|².
@@ -147,7 +72,7 @@ fn spread((width, height): Size, features: &[Features], first: usize) -> Vec<f32
 }
 
 impl Guide {
-    /// The normal of a surface, its distance along the path, and the reflectance of the first surface, without edges.
+    /// The normal of a surface, its distance along the path, and the reflectance of the first surface.
     pub(super) fn new(size: Size, surface: Surface, features: &[Features]) -> Self {
         let (width, height) = size;
         let first = match surface {
@@ -171,20 +96,12 @@ impl Guide {
         let slope = (0..length.len()).map(slope).collect();
         Self {
             size,
-            mixed: Vec::new(),
             planes,
             spread: spread(size, features, first),
             length,
             here,
             slope,
         }
-    }
-
-    /// [`Self::new`], with the pixels on straight edges: their blurs are mixtures.
-    pub(super) fn with_edges(size: Size, surface: Surface, features: &[Features]) -> Self {
-        let mut guide = Self::new(size, surface, features);
-        guide.mixed = mixed(size, &guide.planes);
-        guide
     }
 
     /// Weights, below 1, of the pixels to the left, to the right, above and below a pixel; 0 outside of the picture.
@@ -231,44 +148,11 @@ impl Guide {
         layers: &[&Batches],
         batches: usize,
     ) -> Vec<Batches> {
-        let around = inner.grown(1, self.size.1);
-        let light = match batches {
-            2 => self.blur_of::<STEP, 2>(sigma, &around, layers),
-            3 => self.blur_of::<STEP, 3>(sigma, &around, layers),
-            _ => self.blur_of::<STEP, BATCHES>(sigma, &around, layers),
-        };
-        let mix = light.iter().map(|light| self.mix(&around, inner, light));
-        mix.collect()
-    }
-
-    /// Blurred light of the inner pixels, from light with a border of one pixel around them. The guides of a pixel on a
-    /// straight edge differ from both of its surfaces, so that its own blur has few pixels: it takes the mixture of
-    /// both neighbours' blurs.
-    fn mix(&self, around: &Inner, inner: &Inner, light: &Batches) -> Batches {
-        let origin = (
-            inner.origin.0 - around.origin.0,
-            inner.origin.1 - around.origin.1,
-        );
-        let width = around.size.0;
-        let part = Inner {
-            origin,
-            width,
-            ..*inner
-        };
-        let mut mixed = part.of(light);
-        for &Mixed { pixel, step, share } in &self.mixed {
-            let (x, y) = (pixel % self.size.0, pixel / self.size.0);
-            let (x, y) = (
-                x.wrapping_sub(inner.origin.0),
-                y.wrapping_sub(inner.origin.1),
-            );
-            if x < inner.size.0 && y < inner.size.1 {
-                let [p, q] = [pixel - step, pixel + step].map(|i| light[around.place(i)]);
-                let mix = |b: usize| share * p[b] + (1.0 - share) * q[b];
-                mixed[y * inner.size.0 + x] = std::array::from_fn(mix);
-            }
+        match batches {
+            2 => self.blur_of::<STEP, 2>(sigma, inner, layers),
+            3 => self.blur_of::<STEP, 3>(sigma, inner, layers),
+            _ => self.blur_of::<STEP, BATCHES>(sigma, inner, layers),
         }
-        mixed
     }
 
     /// [`Self::blur`] of `N` batches, without mixtures; the other batches are black.
@@ -576,12 +460,6 @@ impl Inner {
             let row = (origin.1 + y) * width + origin.0;
             row..row + size.0
         })
-    }
-
-    /// Index among its own pixels of the pixel with this number in the larger one.
-    fn place(&self, pixel: usize) -> usize {
-        let (x, y) = (pixel % self.width, pixel / self.width);
-        (y - self.origin.1) * self.size.0 + x - self.origin.0
     }
 
     /// Number in the larger one of one of its own pixels.

@@ -102,8 +102,7 @@ impl Shared<'_> {
     fn reach(&self) -> u32 {
         let blur = match self.limits.blurs {
             [] => 0,
-            // A pixel more for each of both, since pixels on edges take the blurs of their neighbours.
-            _ => reach(rest(WIDE)) + reach(BASE) + 2,
+            _ => reach(rest(WIDE)) + reach(BASE),
         };
         (AROUND + blur.max(2 * MISSING_RADIUS)) as u32
     }
@@ -378,7 +377,7 @@ impl<'a> TileData<'a> {
         } else {
             self.cap(&mut capped);
         }
-        let guide = Guide::with_edges(self.size, Surface::First, features);
+        let guide = Guide::new(self.size, Surface::First, features);
         for (_, mut blurred) in self.blurs(&guide, &[&capped], !keeps_glints) {
             let mut blurred = blurred.remove(0);
             if keeps_glints {
@@ -420,7 +419,7 @@ impl<'a> TileData<'a> {
         };
         let guide = match self.whole.limits.blurs {
             [] => None,
-            _ => Some(Guide::with_edges(self.size, Surface::Rough, &features)),
+            _ => Some(Guide::new(self.size, Surface::Rough, &features)),
         };
         drop(features);
         let blurs = guide.as_ref().map_or(Vec::new(), |guide| match &*levels {
@@ -491,7 +490,7 @@ impl<'a> TileData<'a> {
 
     /// A blur of [`BASE`] of all pixels that a blur of [`WIDE`] uses.
     fn base(&self, guide: &Guide, light: &Batches) -> Batches {
-        let around = self.inner.grown(reach(rest(WIDE)) + 1, self.size.1);
+        let around = self.inner.grown(reach(rest(WIDE)), self.size.1);
         let batches = self.whole.roughened.count;
         let base = guide.blur::<1>(BASE, &around, &[light], batches).remove(0);
         let mut blurred = light.clone();
