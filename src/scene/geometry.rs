@@ -422,7 +422,7 @@ impl Geometry {
 
     #[inline(never)]
     fn intersect_instances(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
-        self.among::<false>(parts, ray)
+        self.among::<false>(ray, |hit| self.present_at(parts, ray, hit))
     }
 
     /// [`Geometry::intersect`] where `u`, uniform in [0, 1), decides which surfaces of partial opacity are hit. It stays
@@ -434,7 +434,7 @@ impl Geometry {
         u: &mut f64,
     ) -> Option<Hit> {
         let layers = Layers::default();
-        let last = self.within::<false>(ray, |hit| match self.presence(parts, hit) {
+        let last = self.among::<false>(ray, |hit| match self.presence(parts, hit) {
             0.0 => false,
             1.0 => true,
             part => {
@@ -469,16 +469,21 @@ impl Geometry {
         blocks: impl Fn(u32) -> bool,
     ) -> Option<f32> {
         let layers = Layers::default();
-        let blocked = self.within::<true>(ray, |hit| {
-            let presence = self.presence(parts, hit);
-            layers.add(hit, presence);
-            presence == 1.0 || presence > 0.0 && blocks(self.triangle_material(hit.triangle))
+        let blocked = self.among::<true>(ray, |hit| match self.presence(parts, hit) {
+            0.0 => false,
+            1.0 => true,
+            part => {
+                layers.add(hit, part);
+                blocks(self.triangle_material(hit.triangle))
+            }
         });
         blocked.is_none().then(|| layers.transmittance())
     }
 
-    /// The closest hit on triangles and instances, or with `ANY` any; `keep` is asked about those that opacity may remove.
-    fn within<const ANY: bool>(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
+    /// The closest hit on triangles and instances, or with `ANY` any hit; `keep` decides about hits that opacity may
+    /// remove.
+    #[inline]
+    fn among<const ANY: bool>(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
         let single = |hit: &Hit| match self.cutouts.get(hit.triangle.index() as usize) {
             Some(true) => keep(hit),
             _ => true,
@@ -528,16 +533,7 @@ impl Geometry {
 
     #[inline(never)]
     fn occluded_instances(&self, parts: &SceneParts, ray: &Ray) -> bool {
-        self.among::<true>(parts, ray).is_some()
-    }
-
-    /// The closest hit on triangles and instances, or with `ANY` any hit; hits that opacity removes are skipped.
-    #[inline]
-    fn among<const ANY: bool>(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
-        let instances = self.shared();
-        let keep = |of: &Shared, hit: &Hit| !of.vanishes || self.present_at(parts, ray, hit);
-        let enter = |i: u32, best: &Hit| instances.enter::<ANY>(ray, i, best, keep);
-        (self.accel).among::<ANY>(ray, |hit| self.remains(parts, ray, hit), enter)
+        (self.among::<true>(ray, |hit| self.present_at(parts, ray, hit))).is_some()
     }
 
     /// Interpolates the surface at a hit. It does not depend on the ray's direction: camera paths and light paths find
@@ -626,11 +622,6 @@ impl Geometry {
                 ask(triangle, &placed)
             }
         }
-    }
-
-    /// True if opacity leaves this hit of a single mesh in place, or cannot remove any.
-    fn remains(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> bool {
-        self.cutouts.is_empty() || self.present(parts, ray, hit)
     }
 
     /// True if opacity leaves this hit in place.
