@@ -390,7 +390,7 @@ plant "translucent: light walks take the surface for opaque" src/bsdf/mod.rs \
 plant "layers: one number decides two of them" src/scene/layers.rs \
     's/\*u = \(\*u - opacity\) \/ \(1\.0 - opacity\);//' opacity::stacked_layers_show_the_product_of_their_opacities
 plant "layers: hidden backs dim a light path's connection to the camera" src/integrator/walk/mod.rs \
-    's/scene\.has_panes\(\) \|\| scene\.has_layers\(\)/scene.has_panes()/' opacity::agreement_of_path_and_bdpt_through_backs_that_fade
+    's/scene\.has_panes\(\) \|\| scene\.has_layers\(\)/scene.has_panes()/' opacity::agreement_of_path_and_bdpt_through_hidden_backs
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

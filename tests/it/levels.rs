@@ -1,6 +1,6 @@
 //! Several levels of roughening on the same paths.
 
-use super::support::render::{film_with, scene};
+use super::support::render::{add_passes, film_with, scene};
 use super::support::scenes::{point_light_over_plane, two_mirrors};
 use opsr::image::film::Window;
 use opsr::image::level_film::LevelFilm;
@@ -283,16 +283,7 @@ fn determinism_of_levels_over_splits_threads_and_crops() {
     let render = |window: Window, ends: &[u32], threads: usize| {
         let mut picture = blank(size, window);
         picture.aovs = Some(FirstHit::new(window).into());
-        let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
-        let mut integrator = settings.integrator();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.expect("threads").install(|| {
-            let mut start = 0;
-            for &end in ends {
-                integrator.pass(&view, start..end, &mut picture);
-                start = end;
-            }
-        });
+        add_passes(&scene, &settings, ends, threads, &mut picture);
         picture
     };
     let whole = render(full, &[10], 1);

@@ -1,16 +1,16 @@
 //! Surfaces of partial opacity: their colours in a stack, their shadows, and the noise of both.
 
-use super::support::render::{film_with, mean, scene};
+use super::support::render::{add_passes, film_with, mean, scene};
 use opsr::image::Film;
 use opsr::image::film::Window;
-use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::integrator::{Estimator, Picture, Settings};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::sampler::SamplerKind;
 use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::scene::{AlphaMode, Material, PunctualLight, Scene, SceneParts};
 use opsr_lab::gallery::shapes::quad;
 
-fn fading(opacity: f32, material: Material) -> Material {
+fn partly_opaque(opacity: f32, material: Material) -> Material {
     Material {
         alpha_mode: AlphaMode::Blend,
         opacity,
@@ -33,7 +33,7 @@ fn coloured(opacities: &[f32]) -> Scene {
         let corner = Vec3::new(-10.0, -10.0, -(k as f32));
         let light = emitter("layer", Rgb::AXES[k]);
         parts.add(
-            fading(opacity, light),
+            partly_opaque(opacity, light),
             [quad(corner, 20.0 * Vec3::X, 20.0 * Vec3::Y)],
         );
     }
@@ -78,7 +78,7 @@ fn shaded(opacities: &[f32], height: f32) -> Scene {
     parts.add(diffuse("floor", Rgb::splat(0.5)), [wide(0.0)]);
     for (k, &opacity) in opacities.iter().enumerate() {
         let black = diffuse("layer", Rgb::ZERO);
-        parts.add(fading(opacity, black), [wide(1.0 + 0.2 * k as f32)]);
+        parts.add(partly_opaque(opacity, black), [wide(1.0 + 0.2 * k as f32)]);
     }
     parts.lights.push(PunctualLight::Point {
         position: 4.0 * Vec3::Y,
@@ -91,7 +91,7 @@ fn shaded(opacities: &[f32], height: f32) -> Scene {
 
 /// The transmittance of layers has no noise.
 #[test]
-fn shadow_of_layers_is_what_they_let_pass() {
+fn shadow_of_layers_is_their_transmittance() {
     let settings = Settings {
         max_vertices: 1,
         ..settings(SamplerKind::Sobol, 2)
@@ -128,7 +128,7 @@ fn camera_and_light_pass_layers_independently() {
 
 /// A box of partial opacity whose backs are hidden from the camera, and not from light paths.
 #[test]
-fn agreement_of_path_and_bdpt_through_backs_that_fade() {
+fn agreement_of_path_and_bdpt_through_hidden_backs() {
     let mut parts = SceneParts::default();
     let wide = quad(Vec3::new(-4.0, -1.01, -4.0), 8.0 * Vec3::Z, 8.0 * Vec3::X);
     parts.add(diffuse("floor", Rgb::splat(0.5)), [wide]);
@@ -137,7 +137,7 @@ fn agreement_of_path_and_bdpt_through_backs_that_fade() {
         double_sided: false,
         ..diffuse("wall", Rgb::splat(0.6))
     };
-    parts.add(fading(0.6, wall), [box_of]);
+    parts.add(partly_opaque(0.6, wall), [box_of]);
     let corner = Vec3::new(-0.4, 0.9, -0.4);
     parts.add(
         emitter("lamp", Rgb::splat(4.0)),
@@ -164,16 +164,7 @@ fn determinism_of_layers_over_splits_threads_and_crops() {
     let size = UVec2::new(21, 18);
     let render = |window: Window, ends: &[u32], threads: usize| {
         let mut picture = Picture::new(Film::cropped(size, window).expect("inside"));
-        let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
-        let mut integrator = settings.integrator();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.expect("threads").install(|| {
-            let mut start = 0;
-            for &end in ends {
-                integrator.pass(&view, start..end, &mut picture);
-                start = end;
-            }
-        });
+        add_passes(&scene, &settings, ends, threads, &mut picture);
         picture.film
     };
     let whole = render(Window::full(size), &[10], 1);

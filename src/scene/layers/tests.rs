@@ -5,7 +5,7 @@ use crate::scene::procedural::{materials, shapes};
 use crate::scene::{AlphaMode, Hit, Material, Scene, SceneParts, SharedMesh, TriangleId};
 use glam::{DAffine3, UVec2};
 
-fn fading(opacity: f32) -> Material {
+fn partly_opaque(opacity: f32) -> Material {
     Material {
         alpha_mode: AlphaMode::Blend,
         opacity,
@@ -23,21 +23,21 @@ fn stack(opacities: &[f32], instances: bool) -> Scene {
     for (k, &opacity) in opacities.iter().enumerate().rev() {
         let height = -(k as f64);
         if instances {
-            parts.add(fading(opacity), []);
+            parts.add(partly_opaque(opacity), []);
             let mut mesh = square();
             mesh.material = parts.materials.len() as u32 - 1;
             let poses = vec![DAffine3::from_translation(glam::DVec3::Z * height)];
             parts.shared.push(SharedMesh { mesh, poses });
         } else {
             let mesh = square().moved(height as f32 * Vec3::Z);
-            parts.add(fading(opacity), [mesh]);
+            parts.add(partly_opaque(opacity), [mesh]);
         }
     }
     Scene::new(parts)
 }
 
 /// The layer that a ray from above hits, and `u` afterwards.
-fn meet(scene: &Scene, at: [f32; 2], u: f64) -> (usize, f64) {
+fn hit_layer(scene: &Scene, at: [f32; 2], u: f64) -> (usize, f64) {
     let ray = Ray::new(Vec3::new(at[0], at[1], 1.0), Vec3::NEG_Z);
     let mut u = Some(u);
     let hit = scene.intersect_drawn(&ray, &mut u).expect("the ground");
@@ -56,24 +56,24 @@ fn shares(opacities: &[f32]) -> Vec<f64> {
 }
 
 #[test]
-fn layers_are_met_by_the_product_of_what_passes() {
+fn layers_are_hit_by_the_product_of_transmittances() {
     let many = [0.1; 12];
     for opacities in [&[0.3][..], &[0.5, 0.5], &[0.3, 0.6, 0.2], &many] {
         for instances in [false, true] {
             let scene = stack(opacities, instances);
             let mut stream = Independent { seed: Seed(1) }.stream(UVec2::ZERO, 0);
             let n = 40_000;
-            let mut met = vec![(0.0, 0.0); 50];
+            let mut hits = vec![(0.0, 0.0); 50];
             for _ in 0..n {
                 let at = [(); 2].map(|()| 1.8 * stream.next_1d() - 0.9);
-                let (layer, left) = meet(&scene, at, stream.next_pick());
-                let (count, sum) = &mut met[layer.min(49)];
+                let (layer, left) = hit_layer(&scene, at, stream.next_pick());
+                let (count, sum) = &mut hits[layer.min(49)];
                 *count += 1.0;
                 *sum += left;
             }
             // Five standard deviations. The number is uniform after each outcome.
             for (k, share) in shares(opacities).into_iter().enumerate() {
-                let (count, left) = met[k];
+                let (count, left) = hits[k];
                 let far = 5.0 * (f64::from(n) * share * (1.0 - share)).sqrt();
                 let expected = f64::from(n) * share;
                 assert!(
@@ -97,16 +97,16 @@ fn stratified_numbers_hit_layers_evenly() {
     for instances in [false, true] {
         let scene = stack(&opacities, instances);
         for n in [4, 16, 50] {
-            let mut met = [0.0; 50];
+            let mut hits = [0.0; 50];
             for i in 0..n {
                 let u = (f64::from(i) + 0.5) / f64::from(n);
-                met[meet(&scene, [0.3, 0.1], u).0.min(49)] += 1.0;
+                hits[hit_layer(&scene, [0.3, 0.1], u).0.min(49)] += 1.0;
             }
             for (k, share) in shares(&opacities).into_iter().enumerate() {
                 assert!(
-                    (met[k] - share * f64::from(n)).abs() <= 1.0,
+                    (hits[k] - share * f64::from(n)).abs() <= 1.0,
                     "{n} {k}: {}",
-                    met[k]
+                    hits[k]
                 );
             }
         }
@@ -169,7 +169,7 @@ fn transmittance_of_layers_is_their_product() {
 
 /// A pane of partial opacity has the transmittance 1 − a + a t.
 #[test]
-fn fading_panes_pass_what_they_transmit() {
+fn partly_opaque_panes_pass_what_they_transmit() {
     let pane = |opacity| {
         let mut parts = SceneParts::default();
         let square = shapes::quad(Vec3::new(-1.0, -1.0, 0.0), 2.0 * Vec3::X, 2.0 * Vec3::Y);

@@ -31,6 +31,26 @@ pub(crate) fn film_with(scene: &Scene, settings: &Settings, size: u32, spp: u32)
     picture.film
 }
 
+/// Adds samples to a picture through the scene's first camera, in passes with these ends, by this number of threads.
+pub(crate) fn add_passes(
+    scene: &Scene,
+    settings: &Settings,
+    ends: &[u32],
+    threads: usize,
+    picture: &mut Picture,
+) {
+    let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+    let mut integrator = settings.integrator();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.expect("threads").install(|| {
+        let mut start = 0;
+        for &end in ends {
+            integrator.pass(&view, start..end, picture);
+            start = end;
+        }
+    });
+}
+
 /// A square film of path tracing with independent samples and random reflection or refraction at smooth glass.
 pub(crate) fn drawn(scene: &Scene, settings: &Settings, size: u32, spp: u32) -> Film {
     drawn_samples(scene, settings, size, 0..spp)
