@@ -93,17 +93,25 @@ impl FresnelGlossy {
         if albedo == Rgb::ZERO {
             return 1.0;
         }
-        let f = self.fresnel(cos);
+        self.glossy_share(albedo, self.fresnel(cos))
+    }
+
+    /// [`Self::glossy_probability`] over a base of this albedo, not black, for facets of the reflectance `f`.
+    #[inline]
+    fn glossy_share(&self, albedo: Rgb, f: Rgb) -> f32 {
         let (glossy, base) = (luminance(f * self.tint), luminance(albedo * (Rgb::ONE - f)));
         (glossy / (glossy + base)).clamp(0.05, 0.95)
     }
 
+    /// Query for value and density, or without `VALUE` for the density alone.
     #[cold]
     #[inline(never)]
-    pub(super) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
+    pub(super) fn query<const VALUE: bool>(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
         let (wo, wi) = (above(wo.z, wo), above(wo.z, wi));
         let (mut query, cos_h) = reflection(wo, wi, self.distribution)?;
-        query.scale *= self.fresnel(cos_h) * self.tint;
+        if VALUE {
+            query.scale *= self.fresnel(cos_h) * self.tint;
+        }
         if let Interface::Coat {
             eta,
             albedo,
@@ -111,13 +119,17 @@ impl FresnelGlossy {
         } = self.interface
             && albedo != Rgb::ZERO
         {
-            let p = self.glossy_probability(wo.z.min(1.0));
+            let reflectance = |w: Vec3| dielectric(w.z.min(1.0), eta);
+            let of_o = reflectance(wo);
+            let p = self.glossy_share(albedo, Rgb::splat(of_o));
             query.pdf_scale *= p;
             query.base_pdf = (1.0 - p) * wi.z * FRAC_1_PI;
-            // As in `Glossy`: transmittances of a smooth coat inwards and outwards, over their cosine-weighted mean.
-            let through = |w: Vec3| 1.0 - dielectric(w.z.min(1.0), eta);
-            let coupling = through(wo) * through(wi) / (1.0 - average).max(1e-6);
-            query.base = albedo * (coupling * wi.z * FRAC_1_PI);
+            if VALUE {
+                // As in `Glossy`: transmittances of a smooth coat inwards and outwards, over their cosine-weighted mean.
+                let through = (1.0 - of_o) * (1.0 - reflectance(wi));
+                let coupling = through / (1.0 - average).max(1e-6);
+                query.base = albedo * (coupling * wi.z * FRAC_1_PI);
+            }
         }
         Some(query)
     }
@@ -137,7 +149,7 @@ impl FresnelGlossy {
             let weight = self.fresnel(cos) * self.tint / self.glossy_probability(cos);
             return delta(wi, weight, lobe);
         }
-        finish(self.query(wo, wi), alpha, wi, lobe)
+        finish(self.query::<true>(wo, wi), alpha, wi, lobe)
     }
 
     /// Direction and lobe of a sample.

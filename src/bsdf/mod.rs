@@ -157,7 +157,7 @@ impl Bsdf {
             Self::Anisotropic(l) => l.query(wo, wi),
             Self::Iridescent(l) => l.query(wo, wi),
             Self::Sheen(l) => l.query(wo, wi),
-            Self::FresnelGlossy(l) => l.query(wo, wi),
+            Self::FresnelGlossy(l) => l.query::<true>(wo, wi),
             Self::Translucent(l) => l.query(wo, wi),
             Self::Phase(l) => l.query(wo, wi),
         }
@@ -190,7 +190,11 @@ impl Bsdf {
     /// light. The arguments of [`Bsdf::eval`] are never swapped, because its value depends on their order.
     #[inline]
     pub fn pdf(&self, alpha: f32, from: Vec3, to: Vec3) -> f32 {
-        self.query(from, to).map_or(0.0, |query| query.pdf(alpha))
+        let query = match self {
+            Self::FresnelGlossy(l) => l.query::<false>(from, to),
+            _ => self.query(from, to),
+        };
+        query.map_or(0.0, |query| query.pdf(alpha))
     }
 
     /// Samples `wi` with the glossy lobe at roughness `alpha` in [0, 1]; `u` is uniform in [0, 1)³. The choice of the
