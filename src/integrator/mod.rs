@@ -36,6 +36,7 @@ pub use census::Census;
 pub(crate) use path::PathTracer;
 pub use settings::{Estimator, Settings};
 use std::ops::Range;
+pub(crate) use stop::FIRST_OVERRUN;
 pub use stop::Stop;
 pub use view::View;
 pub use walk::observer::{Event, PathObserver, Recorder, Technique};

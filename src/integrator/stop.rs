@@ -12,6 +12,9 @@ use std::time::{Duration, Instant};
 /// Least time limit of the first sample.
 const FIRST: Duration = Duration::from_millis(500);
 
+/// Time limit of the first sample over that of the render: a picture without holes is worth the delay.
+pub(crate) const FIRST_OVERRUN: u32 = 2;
+
 /// A request to end a render, and a time at which it ends.
 #[derive(Debug, Default)]
 pub struct Stop<'a> {
@@ -32,8 +35,10 @@ pub struct Stop<'a> {
 struct Limit {
     /// The start of the time.
     begin: Instant,
-    /// Length, in nanoseconds.
+    /// Length, in nanoseconds; longer for the first sample.
     length: AtomicU64,
+    /// Length after the first sample, in nanoseconds.
+    of_others: u64,
 }
 
 impl Limit {
@@ -58,10 +63,15 @@ impl<'a> Stop<'a> {
         let begin = Instant::now();
         let limit = deadline.map(|end| {
             let length = end.saturating_duration_since(begin);
-            // So that the first sample of a small picture is whole, whatever the time.
-            let length = if first { length.max(FIRST) } else { length };
-            let length = AtomicU64::new(length.as_nanos().try_into().unwrap_or(u64::MAX));
-            Limit { begin, length }
+            let nanos = |length: Duration| length.as_nanos().try_into().unwrap_or(u64::MAX);
+            let first_length = length.saturating_mul(FIRST_OVERRUN).max(FIRST);
+            let now = nanos(if first { first_length } else { length });
+            let (length, of_others) = (now.into(), nanos(length));
+            Limit {
+                begin,
+                length,
+                of_others,
+            }
         });
         Self {
             stop_flag: other.and_then(|other| other.stop_flag),
@@ -120,5 +130,31 @@ impl<'a> Stop<'a> {
     /// Called once there is a whole sample.
     pub(super) fn end_first_sample(&self) {
         self.first.store(false, Ordering::Relaxed);
+        if let Some(limit) = &self.limit {
+            limit.length.store(limit.of_others, Ordering::Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn first_sample_has_twice_the_time_and_at_least_half_a_second() {
+        let seconds = |stop: &Stop<'_>| {
+            let limit = stop.limit.as_ref().expect("a limit");
+            1e-9 * limit.length.load(Ordering::Relaxed) as f64
+        };
+        // Instants between the deadline and its evaluation only shorten the time.
+        for (time, first) in [(100.0, 200.0), (0.0, 0.5)] {
+            let deadline = Instant::now() + Duration::from_secs_f64(time);
+            let stop = Stop::at(None, Some(deadline), true);
+            assert!(seconds(&stop) <= first && seconds(&stop) > 0.9 * first);
+            stop.end_first_sample();
+            assert!(seconds(&stop) <= time && seconds(&stop) >= 0.9 * time);
+            let resumed = Stop::at(None, Some(deadline), false);
+            assert!(seconds(&resumed) <= time && seconds(&resumed) >= 0.9 * time);
+        }
     }
 }

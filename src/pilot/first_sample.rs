@@ -3,7 +3,7 @@
 use super::window::pilot_window;
 use super::{Choice, Contender, PATHS_PER_SECOND, as_many_photons, usual_cost};
 use crate::image::film::{Film, FilmError};
-use crate::integrator::{Picture, Settings, View};
+use crate::integrator::{FIRST_OVERRUN, Picture, Settings, View};
 use std::time::{Duration, Instant};
 
 /// Share of the pixels on which the time of a sample is measured.
@@ -12,8 +12,9 @@ const SHARE: f64 = 1.0 / 64.0;
 /// Largest assumed ratio of a sample's cost to its usual cost.
 const DEARER: f64 = 16.0;
 
-/// Keeps a choice if one whole sample of it fits into the time `left`. Otherwise returns path tracing, because an
-/// incomplete first sample leaves pixels black. The decision depends on measured time.
+/// Keeps a choice if one whole sample of it fits into the time limit of the first sample of a render with the time
+/// `left`. Otherwise returns path tracing, because an incomplete first sample leaves pixels black. The decision depends
+/// on measured time.
 pub(crate) fn with_a_first_sample(
     choice: Choice,
     contenders: &[Contender],
@@ -25,7 +26,7 @@ pub(crate) fn with_a_first_sample(
     let frames = f64::from(frame.x) * f64::from(frame.y) / pixels;
     let threads = rayon::current_num_threads() as f64;
     let usual = usual_cost(best, frames) * pixels / (PATHS_PER_SECOND * threads);
-    let left = left.as_secs_f64();
+    let left = f64::from(FIRST_OVERRUN) * left.as_secs_f64();
     if best.kind.is_path() || DEARER * usual < left {
         return Ok(choice);
     }

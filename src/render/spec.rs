@@ -296,7 +296,7 @@ options! {
 
     /// Samples per pixel. 128 if --spp, --time and --target-error are all absent.
     spp: u32, Stop { value: "N", range: Range::COUNT, effect: Effect::Samples, common: true }
-    /// Stop after this long, such as 60s or 5min.
+    /// Stop after this long, such as 60s or 5min. The first sample may take twice as long.
     time: Duration, Stop { value: "TIME", effect: Effect::Samples, common: true }
     /// Stop when the average error is below this. 0.05 is 5 %: the mean over pixels of the absolute error over the
     /// light. The render continues while a few bright samples dominate the estimate.
