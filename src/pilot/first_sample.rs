@@ -13,28 +13,66 @@ const SHARE: f64 = 1.0 / 64.0;
 const DEARER: f64 = 16.0;
 
 /// Keeps a choice if one whole sample of it fits into the time limit of the first sample of a render with the time
-/// `left`. Otherwise returns path tracing, because an incomplete first sample leaves pixels black. The decision depends
-/// on measured time.
+/// `left`. Otherwise returns the dearest other contender whose sample fits, and path tracing if there is none, because
+/// an incomplete first sample leaves pixels black. The decision depends on measured time.
 pub(crate) fn with_a_first_sample(
     choice: Choice,
     contenders: &[Contender],
     view: &View<'_>,
     left: Duration,
 ) -> Result<Choice, FilmError> {
-    let best = &contenders[choice.best];
-    let (frame, pixels) = (view.sensor.frame, view.window.len() as f64);
-    let frames = f64::from(frame.x) * f64::from(frame.y) / pixels;
-    let threads = rayon::current_num_threads() as f64;
-    let usual = usual_cost(best, frames) * pixels / (PATHS_PER_SECOND * threads);
+    let clock = Instant::now();
     let left = f64::from(FIRST_OVERRUN) * left.as_secs_f64();
-    if best.kind.is_path() || DEARER * usual < left {
-        return Ok(choice);
+    let frame = view.sensor.frame;
+    let frames = f64::from(frame.x) * f64::from(frame.y) / view.window.len() as f64;
+    let cost = |i: &usize| usual_cost(&contenders[*i], frames);
+    let is_path = |i: &usize| contenders[*i].kind.is_path();
+    let mut others: Vec<usize> = (0..contenders.len())
+        .filter(|i| !is_path(i) && cost(i) < cost(&choice.best))
+        .collect();
+    others.sort_by(|a, b| cost(b).total_cmp(&cost(a)));
+    for best in std::iter::once(choice.best).chain(others) {
+        if is_path(&best) || fits(&contenders[best], cost(&best), view, left, clock)? {
+            return Ok(match best == choice.best {
+                true => choice,
+                false => instead(choice, contenders, best),
+            });
+        }
     }
-    let (frame, window) = pilot_window(frame, view.window, (SHARE * pixels) as f32);
+    let best = (0..contenders.len()).rfind(is_path).unwrap_or(0);
+    Ok(instead(choice, contenders, best))
+}
+
+/// A choice with another contender.
+fn instead(choice: Choice, contenders: &[Contender], best: usize) -> Choice {
+    Choice {
+        best,
+        name: contenders[best].name(),
+        chosen: None,
+        trials: Vec::new(),
+        why: "a sample of the one that the scene calls for takes longer than there is time",
+        ..choice
+    }
+}
+
+/// True if a sample of a contender of this usual cost ends `left` seconds after the start of a clock, at most.
+fn fits(
+    contender: &Contender,
+    cost: f64,
+    view: &View<'_>,
+    left: f64,
+    clock: Instant,
+) -> Result<bool, FilmError> {
+    let pixels = view.window.len() as f64;
+    let threads = rayon::current_num_threads() as f64;
+    if DEARER * cost * pixels / (PATHS_PER_SECOND * threads) < left {
+        return Ok(true);
+    }
+    let (frame, window) = pilot_window(view.sensor.frame, view.window, (SHARE * pixels) as f32);
     let small = View::new(view.scene, view.sensor.camera, frame, window);
     let settings = Settings {
-        estimator: as_many_photons(best.settings.estimator, view, &small),
-        ..best.settings.clone()
+        estimator: as_many_photons(contender.settings.estimator, view, &small),
+        ..contender.settings.clone()
     };
     let mut integrator = settings.integrator();
     let start = Instant::now();
@@ -42,24 +80,15 @@ pub(crate) fn with_a_first_sample(
     // The render repeats this preparation.
     let aim = start.elapsed().as_secs_f64();
     let mut picture = Picture::new(Film::cropped(frame, window)?);
-    let mut fits = |sample: u32| {
-        let clock = Instant::now();
+    let mut ends_in_time = |sample: u32| {
+        let start = Instant::now();
         integrator.pass(&small, sample..sample + 1, &mut picture);
-        let seconds = clock.elapsed().as_secs_f64() * pixels / window.len() as f64;
-        start.elapsed().as_secs_f64() + aim + seconds <= left
+        let seconds = start.elapsed().as_secs_f64() * pixels / window.len() as f64;
+        clock.elapsed().as_secs_f64() + aim + seconds <= left
     };
     // The first sample may have been slowed by other work.
-    if fits(0) || fits(1) {
-        return Ok(choice);
-    }
-    let path = |c: &Contender| c.kind.is_path();
-    let best = contenders.iter().rposition(path).unwrap_or(0);
-    Ok(Choice {
-        best,
-        name: contenders[best].name(),
-        chosen: None,
-        trials: Vec::new(),
-        why: "a sample of the one that the scene calls for takes longer than there is time",
-        ..choice
-    })
+    Ok(ends_in_time(0) || ends_in_time(1))
 }
+
+#[cfg(test)]
+mod tests;
