@@ -108,6 +108,9 @@ pub mod render;
 pub mod resolve;
 pub mod sampler;
 pub mod scene;
+#[cfg(test)]
+#[path = "../tests/unit/mod.rs"]
+mod unit;
 
 pub use facade::Render;
 pub use integrator::layers::Aov;

@@ -1,8 +1,7 @@
 //! The floor of the studio, on which the objects of a file without light stand.
 
 use super::light::sky::FLOOR_ALBEDO;
-use super::procedural::materials;
-use super::{Mesh, Scene, SceneParts, framing};
+use super::{Material, Mesh, Scene, SceneParts, framing};
 use crate::math::{DVec3, Rgb, Vec3};
 use std::f64::consts::TAU;
 
@@ -42,7 +41,14 @@ impl SceneParts {
             name: name.into(),
             ..Mesh::default()
         };
-        self.add(materials::diffuse(name, Rgb::splat(FLOOR_ALBEDO)), [disc]);
+        let lambertian = Material {
+            name: name.into(),
+            base_color: Rgb::splat(FLOOR_ALBEDO),
+            metallic: 0.0,
+            specular: 0.0,
+            ..Material::default()
+        };
+        self.add(lambertian, [disc]);
         self.has_floor = true;
     }
 

@@ -985,7 +985,7 @@ fn chance(ray: &Ray, triangle: TriangleId) -> f32 {
 mod tests {
     use super::*;
     use crate::scene::SharedMesh;
-    use crate::scene::procedural::{materials, shapes};
+    use crate::unit::{materials, shapes};
     use glam::DAffine3;
 
     #[test]

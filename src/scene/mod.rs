@@ -1,6 +1,6 @@
 //! Scenes: geometry, materials, lights and cameras, immutable after they are built.
 //!
-//! A [`Scene`] is made from [`SceneParts`] (plain data, filled by [`load`] or [`procedural`]). Parts refer to each
+//! A [`Scene`] is made from [`SceneParts`] (plain data, filled by [`load`] or in code). Parts refer to each
 //! other by indices, which the names of their fields explain.
 
 use crate::bsdf::Bsdf;
@@ -30,7 +30,6 @@ pub(crate) mod medium;
 pub(crate) mod mesh;
 mod normals;
 mod parts;
-pub mod procedural;
 pub(crate) mod pyramid;
 pub(crate) mod sensor;
 mod shells;

@@ -286,7 +286,7 @@ fn start(mesh: &Mesh, poses: &[DAffine3], i: u32, stream: &mut impl Sampler) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::procedural::shapes;
+    use crate::unit::shapes;
 
     #[test]
     fn closed_meshes_are_found_across_seams_and_open_ones_are_not() {

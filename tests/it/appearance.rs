@@ -6,11 +6,11 @@ use glam::{Affine2, Vec2 as Uv};
 use opsr::bsdf::Bsdf;
 use opsr::math::{Ray, Rgb, Vec2, Vec3};
 use opsr::regularise::Rule;
-use opsr::scene::procedural::materials::{clearcoated, coated, diffuse, emitter, metal};
 use opsr::scene::{
     AlphaMode, Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts,
     Texture, TextureRef, Wrap,
 };
+use opsr_lab::gallery::materials::{clearcoated, coated, diffuse, emitter, metal};
 use opsr_lab::gallery::shapes::{quad, sphere};
 use opsr_lab::verify::chi_square;
 use std::f32::consts::PI;

@@ -3,9 +3,9 @@
 use super::support::render::{film_with, mean, scene};
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
-use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::scene::{Camera, Material, Scene, SceneParts};
-use opsr_lab::gallery::shapes::{cuboid, quad};
+use opsr_lab::gallery::materials::{diffuse, emitter};
+use opsr_lab::gallery::shapes::{Placing, cuboid, quad};
 
 /// A room seen from outside: its walls face inwards, and a lamp hangs under its ceiling.
 fn room(double_sided: bool) -> Scene {

@@ -4,8 +4,8 @@ use super::support::render::{film_with, mean};
 use opsr::integrator::Settings;
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::load::{LoadOptions, load};
-use opsr::scene::procedural::materials::{diffuse, glass};
 use opsr::scene::{Environment, Mesh, Scene, SceneParts};
+use opsr_lab::gallery::materials::{diffuse, glass};
 use opsr_lab::gallery::shapes::{cuboid, quad, sphere};
 use opsr_lab::gallery::{builtin, glb, names};
 

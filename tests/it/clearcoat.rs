@@ -9,8 +9,8 @@ use opsr::integrator::{PathObserver, Recorder, Settings, View};
 use opsr::math::{Ray, Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, Seed};
-use opsr::scene::procedural::materials::{self, metal};
 use opsr::scene::{Scene, SceneParts, Texture, TextureRef};
+use opsr_lab::gallery::materials::{self, metal};
 use opsr_lab::gallery::shapes::quad;
 use opsr_lab::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal as mirror, plastic};
 

@@ -381,8 +381,8 @@ fn foreign_looks_as_gltf_are_the_same_again() {
     use opsr::scene::Material;
     use opsr::scene::finish::{FilmCover, SheenCover};
     use opsr::scene::lamp::{Cone, Lamp};
-    use opsr::scene::procedural::{materials, shapes};
     use opsr_lab::gallery::{glb, lowered};
+    use opsr_lab::gallery::{materials, shapes};
     let mut mesh = shapes::quad(Vec3::ZERO, Vec3::X, Vec3::Y);
     mesh.colors = (0..4)
         .map(|i| Vec4::new(0.2 * i as f32, 1.0, 0.0, 1.0))

@@ -8,11 +8,11 @@ use opsr::integrator::Settings;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind;
 use opsr::math::{Ray, Rgb, Vec3};
-use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
 use opsr::scene::{
     AlphaMode, Geometry, Material, Mesh, Scene, SceneParts, SharedMesh, Texture, TextureRef,
     TriangleId,
 };
+use opsr_lab::gallery::materials::{diffuse, emitter, glass, metal};
 use opsr_lab::gallery::shapes::{quad, room, sphere};
 use opsr_lab::stats::agreement::agree;
 use rand::RngExt;

@@ -10,9 +10,9 @@ use opsr::math::moments::Moments;
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
 use opsr::resolve::{Resolve, resolve_film, unseen_share};
-use opsr::scene::procedural::materials::{GOLD, diffuse, emitter, glass, metal};
 use opsr::scene::{PunctualLight, Scene, SceneParts};
 use opsr_lab::gallery::caustic_box;
+use opsr_lab::gallery::materials::{GOLD, diffuse, emitter, glass, metal};
 use opsr_lab::gallery::shapes::{quad, room, sphere};
 use opsr_lab::stats::agreement::agree;
 

@@ -15,7 +15,7 @@ use opsr::math::Vec3;
 use opsr::scene::{Mesh, SceneParts};
 use opsr_lab::gallery;
 use opsr_lab::gallery::glb;
-use opsr_lab::gallery::shapes;
+use opsr_lab::gallery::shapes::{self, Placing};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 

@@ -4,8 +4,8 @@ use super::support::render;
 use opsr::image::Film;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
-use opsr::scene::procedural::{materials, shapes};
 use opsr::scene::{Mesh, PunctualLight, Scene, SceneParts};
+use opsr_lab::gallery::{materials, shapes};
 
 fn settings(estimator: Estimator, seed: u64) -> Settings {
     Settings {

@@ -6,11 +6,11 @@ use opsr::integrator::Settings;
 use opsr::math::{Ray, Rgb, UVec2, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
-use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::scene::{
     Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, TriangleId,
 };
-use opsr_lab::gallery::shapes::{cuboid, quad, room, sphere};
+use opsr_lab::gallery::materials::{diffuse, emitter};
+use opsr_lab::gallery::shapes::{Placing, cuboid, quad, room, sphere};
 use opsr_lab::stats::agreement::agree;
 use opsr_lab::verify::chi_square::p_value;
 use opsr_lab::verify::simple::Simple;

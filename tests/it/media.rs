@@ -7,10 +7,10 @@ use opsr::integrator::{Amounts, Estimator, Picture, Recorded, Settings, View};
 use opsr::math::{Ray, Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
 use opsr::scene::{
     Environment, Falloff, Material, Medium, PunctualLight, Scene, SceneParts, Sensor,
 };
+use opsr_lab::gallery::materials::{diffuse, emitter, glass, metal};
 use opsr_lab::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr_lab::stats::agreement::agree;
 use std::f64::consts::PI;

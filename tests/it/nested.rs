@@ -6,9 +6,9 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Amounts, Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
-use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal, tinted_glass};
 use opsr::scene::{Environment, Material, SceneParts};
-use opsr_lab::gallery::shapes::{cuboid, quad, room, sphere};
+use opsr_lab::gallery::materials::{diffuse, emitter, glass, metal, tinted_glass};
+use opsr_lab::gallery::shapes::{Placing, cuboid, quad, room, sphere};
 use opsr_lab::stats::agreement::agree;
 
 fn assert_mean(film: &Film, expected: f64, what: &str) {

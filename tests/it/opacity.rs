@@ -6,9 +6,9 @@ use opsr::image::film::Window;
 use opsr::integrator::{Estimator, Picture, Settings};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::sampler::SamplerKind;
-use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::scene::{AlphaMode, Material, PunctualLight, Scene, SceneParts};
-use opsr_lab::gallery::shapes::quad;
+use opsr_lab::gallery::materials::{diffuse, emitter};
+use opsr_lab::gallery::shapes::{Placing, quad};
 
 fn partly_opaque(opacity: f32, material: Material) -> Material {
     Material {

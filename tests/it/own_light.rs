@@ -9,10 +9,10 @@ use opsr::render::Spec;
 use opsr::render::open::Opened;
 use opsr::scene::light::sky::studio;
 use opsr::scene::load::Formats;
-use opsr::scene::procedural::materials;
 use opsr::scene::{Camera, Environment, Material, Mesh, PunctualLight, Scene, SceneParts};
 use opsr_lab::gallery::glb::to_glb;
-use opsr_lab::gallery::shapes;
+use opsr_lab::gallery::materials;
+use opsr_lab::gallery::shapes::{self, Placing};
 use serde_json::json;
 
 /// A grey material that emits.

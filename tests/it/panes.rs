@@ -6,10 +6,10 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
-use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass};
 use opsr::scene::{
     Environment, Material, Mesh, PunctualLight, Scene, SceneParts, Texture, TextureRef,
 };
+use opsr_lab::gallery::materials::{coated, diffuse, emitter, glass};
 use opsr_lab::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr_lab::stats::agreement::agree;
 use opsr_lab::verify::simple::Simple;

@@ -4,7 +4,7 @@ use opsr::math::{Vec2, Vec3};
 use opsr::scene::{Mesh, SceneParts};
 use opsr_lab::gallery;
 use opsr_lab::gallery::glb;
-use opsr_lab::gallery::shapes;
+use opsr_lab::gallery::shapes::{self, Placing};
 use std::collections::HashMap;
 
 /// Signed volume by the divergence theorem; panics unless every directed edge has its reverse exactly once.

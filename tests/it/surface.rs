@@ -4,11 +4,11 @@ use crate::geometry::{
     bumpy_sphere, direction, geometry_of, mesh_of, parts_of, point, rng, square,
 };
 use opsr::math::{Frame, Ray, Rgb, Vec2, Vec3};
-use opsr::scene::procedural::{materials, shapes};
 use opsr::scene::{
     AlphaMode, Geometry, Hit, Material, Mesh, Scene, SceneParts, Surface, Texture, TextureRef,
     TriangleId,
 };
+use opsr_lab::gallery::{materials, shapes};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 

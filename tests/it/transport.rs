@@ -7,10 +7,10 @@ use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, Lookup, Rule};
 use opsr::sampler::{Independent, Seed};
-use opsr::scene::procedural::materials::{
+use opsr::scene::{Environment, Material, Projection, Scene, SceneParts, Texture, TextureRef};
+use opsr_lab::gallery::materials::{
     GOLD, clearcoated, coated, diffuse, emitter, glass, metal, tinted_glass, translucent,
 };
-use opsr::scene::{Environment, Material, Projection, Scene, SceneParts, Texture, TextureRef};
 use opsr_lab::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr_lab::gallery::{self, caustic_box, cornell_box};
 use opsr_lab::stats::agreement::agree;

@@ -5,8 +5,8 @@ use super::support::render::{drawn, drawn_means, film_with, scene};
 use super::support::scenes::{point_light_over_plane, two_mirrors};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
-use opsr::scene::procedural::materials::{coated, glass};
 use opsr::scene::{Material, Scene};
+use opsr_lab::gallery::materials::{coated, glass};
 use opsr_lab::gallery::shapes::{quad, sphere};
 use opsr_lab::stats::agreement::agree;
 

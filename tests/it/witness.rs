@@ -8,9 +8,9 @@ use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
 use opsr::integrator::{Picture, Settings, Stop, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::pilot::witness::{MissingLight, missing_light};
-use opsr::scene::procedural::materials::{diffuse, glass};
 use opsr::scene::{Environment, PunctualLight, Scene, SceneParts};
 use opsr_lab::gallery::builtin;
+use opsr_lab::gallery::materials::{diffuse, glass};
 use opsr_lab::gallery::shapes::{quad, sphere};
 use std::sync::atomic::{AtomicBool, Ordering};
 

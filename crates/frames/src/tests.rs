@@ -9,8 +9,8 @@ use opsr::image::exr::Metadata;
 use opsr::image::film::Window;
 use opsr::integrator::View;
 use opsr::math::{Rgb, UVec2, Vec2, Vec3};
-use opsr::scene::procedural::{materials, shapes};
 use opsr::scene::{Camera, Material, Mesh, Scene, SceneParts};
+use opsr_lab::gallery::{materials, shapes};
 
 const SIZE: UVec2 = UVec2::new(48, 32);
 

@@ -3,7 +3,7 @@ use crate::integrator::bidirectional::Radius;
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, View};
 use crate::math::{Rgb, UVec2, Vec3};
-use crate::scene::procedural::{materials, shapes};
+use crate::unit::{materials, shapes};
 use crate::scene::{Scene, SceneParts};
 
 /// Plates above each other with a lamp at the top.

@@ -1,7 +1,7 @@
 use super::*;
 use crate::math::{Rgb, Vec3};
 use crate::sampler::{Independent, SampleSource, Sampler};
-use crate::scene::procedural::{materials, shapes};
+use crate::unit::{materials, shapes};
 
 /// A film of 64 × 64 pixels with light in rare hits on top of an even light.
 fn film(seed: u64, samples: u32, light: impl Fn(usize) -> (f32, f32)) -> Film {

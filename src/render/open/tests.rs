@@ -1,7 +1,7 @@
 use super::*;
 use crate::math::Rgb;
 use crate::scene::PunctualLight;
-use crate::scene::procedural::{materials, shapes};
+use crate::unit::{materials, shapes};
 
 #[test]
 fn what_is_no_scene_says_what_to_do() {

@@ -1,6 +1,6 @@
 use super::*;
 use crate::scene::Material;
-use crate::scene::procedural::shapes;
+use crate::unit::shapes;
 
 /// True if the inside of a glass ball is dark, in a scene with a lamp at `lamp` after `change`.
 fn is_dark(lamp: Vec3, change: impl Fn(&mut SceneParts)) -> bool {

@@ -1,8 +1,9 @@
 use super::Layers;
 use crate::math::{Ray, Rgb, Vec3};
 use crate::sampler::{Independent, SampleSource, Sampler, Seed};
-use crate::scene::procedural::{materials, shapes};
 use crate::scene::{AlphaMode, Hit, Material, Scene, SceneParts, SharedMesh, TriangleId};
+use crate::unit::shapes::Placing;
+use crate::unit::{materials, shapes};
 use glam::{DAffine3, UVec2};
 
 fn partly_opaque(opacity: f32) -> Material {

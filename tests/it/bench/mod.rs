@@ -411,10 +411,7 @@ fn bench_leaves_out_a_method_that_a_scene_refuses() {
     let mut parts = opsr_lab::gallery::cornell_box();
     for (name, x) in [("a", 0.0), ("b", 0.2)] {
         let ball = opsr_lab::gallery::shapes::sphere(opsr::math::Vec3::new(x, 1.4, 0.0), 0.3, 3);
-        parts.add(
-            opsr::scene::procedural::materials::glass(name, 1.5, 0.0),
-            [ball],
-        );
+        parts.add(opsr_lab::gallery::materials::glass(name, 1.5, 0.0), [ball]);
     }
     opsr_lab::gallery::glb::save(&parts, &folder.path().join("balls.glb")).unwrap();
     let suite = folder.path().join("suite.toml");

@@ -6,8 +6,8 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::Vec3;
 use opsr::scene::Scene;
-use opsr::scene::procedural::materials::glass;
 use opsr_lab::gallery::furnace_sphere;
+use opsr_lab::gallery::materials::glass;
 use opsr_lab::gallery::shapes::sphere;
 use opsr_lab::stats::agreement::agree;
 

@@ -6,7 +6,7 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::Rgb;
 use opsr::scene::Scene;
-use opsr::scene::procedural::materials::diffuse;
+use opsr_lab::gallery::materials::diffuse;
 use opsr_lab::verify::{Size, repeat};
 
 #[test]

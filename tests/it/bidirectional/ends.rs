@@ -6,11 +6,11 @@ use crate::support::render::scene;
 use opsr::image::Buffer;
 use opsr::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::scene::{
     Aim, AimShares, Camera, EmissionSample, Environment, Lens, Material, Projection, PunctualLight,
     Scene, SceneParts, Sensor, Target,
 };
+use opsr_lab::gallery::materials::{diffuse, emitter};
 use opsr_lab::verify::chi_square::{integrate, p_value};
 use std::f32::consts::PI;
 use std::f64::consts::TAU;

@@ -113,7 +113,7 @@ fn agreement_of_mlt_with_path() {
 /// A point light beside a mirror, which no strategy can sample: the regularised target, with one radius per pass.
 #[test]
 fn agreement_of_mollified_mlt_with_bdpt() {
-    use opsr::scene::procedural::materials::{diffuse, metal};
+    use opsr_lab::gallery::materials::{diffuse, metal};
     use opsr_lab::gallery::shapes::quad;
     let mut parts = SceneParts::default();
     let floor = quad(Vec3::new(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);

@@ -17,7 +17,7 @@ mod strategies;
 mod ways;
 
 use opsr::scene::SceneParts;
-use opsr_lab::gallery::{caustic_box, cornell_box};
+use opsr_lab::gallery::{caustic_box, cornell_box, materials, shapes};
 
 /// The boxes of the gallery and every scene of this folder, with the samples per pixel of its comparison.
 fn all_scenes() -> Vec<(&'static str, SceneParts, u32)> {

@@ -5,9 +5,9 @@ use crate::support::scenes::point_light_over_plane;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
-use opsr::scene::procedural::materials::{diffuse, metal};
 use opsr::scene::{PunctualLight, SceneParts};
 use opsr_lab::gallery::caustic_box;
+use opsr_lab::gallery::materials::{diffuse, metal};
 use opsr_lab::gallery::shapes::quad;
 use std::f32::consts::PI;
 

@@ -1,11 +1,9 @@
 //! Small scenes, each with one possible fault of a bidirectional estimator.
 
+use super::materials::{coated, diffuse, emitter, glass, metal, tinted_glass, translucent};
+use super::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Buffer;
 use opsr::math::{Frame, Rgb, Vec3};
-use opsr::scene::procedural::materials::{
-    coated, diffuse, emitter, glass, metal, tinted_glass, translucent,
-};
-use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{
     AlphaMode, Environment, Lens, Material, Projection, PunctualLight, SceneParts, Texture,
     TextureRef,

@@ -8,7 +8,7 @@ use opsr::integrator::{Estimator, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::{AttenuationTable, Rule};
 use opsr::scene::Scene;
-use opsr::scene::procedural::materials::{coated, metal};
+use opsr_lab::gallery::materials::{coated, metal};
 use opsr_lab::stats::agreement::agree;
 
 const PATH: Estimator = Estimator::Path { reuse: false };

@@ -8,8 +8,8 @@ use opsr::integrator::bidirectional::{Radius, Strategies, Strategy};
 use opsr::integrator::{Estimator, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::procedural::materials::{coated, diffuse, metal};
 use opsr::scene::{Material, Scene, SceneParts};
+use opsr_lab::gallery::materials::{coated, diffuse, metal};
 use opsr_lab::stats::agreement::agree;
 
 const SIZE: u32 = 16;

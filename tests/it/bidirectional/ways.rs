@@ -5,8 +5,8 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Amounts, Estimator, SCALES, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
-use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass};
 use opsr::scene::{Material, Mesh, SceneParts};
+use opsr_lab::gallery::materials::{coated, diffuse, emitter, glass};
 use opsr_lab::gallery::shapes::{cuboid, quad};
 use std::f32::consts::FRAC_1_SQRT_2 as COS;
 

@@ -2,8 +2,8 @@
 
 use opsr::math::{Rgb, Vec2, Vec3, luminance};
 use opsr::scene::load::{FileLight, Loaded, load};
-use opsr::scene::procedural::{materials, shapes};
 use opsr::scene::{Material, Mesh, Scene, SceneParts, Texels};
+use opsr_lab::gallery::{materials, shapes};
 use std::fmt::Write;
 
 /// Reads the first of the files; the others are in its folder.

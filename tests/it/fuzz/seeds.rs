@@ -28,7 +28,7 @@ pub(crate) fn gltf() -> Vec<Vec<u8>> {
     let good = crate::load::broken::good();
     let mut glass = SceneParts::default();
     glass.add(
-        opsr::scene::procedural::materials::glass("glass", 1.5, 0.1),
+        opsr_lab::gallery::materials::glass("glass", 1.5, 0.1),
         [opsr_lab::gallery::shapes::sphere(Vec3::ONE, 1.0, 0)],
     );
     let saved = [

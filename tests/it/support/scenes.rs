@@ -1,8 +1,8 @@
 //! Scenes of a few surfaces with a known picture.
 
 use opsr::math::{Rgb, Vec3};
-use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
 use opsr::scene::{PunctualLight, SceneParts};
+use opsr_lab::gallery::materials::{diffuse, emitter, glass, metal};
 use opsr_lab::gallery::shapes::{cuboid, quad};
 use std::f32::consts::PI;
 

@@ -10,8 +10,8 @@ use crate::integrator::bidirectional::{Bidirectional, Radius, Strategies};
 use crate::integrator::{Estimator, Settings, View};
 use crate::math::{Rgb, UVec2};
 use crate::regularise::Rule;
-use crate::scene::procedural::materials::{coated, diffuse, glass, metal};
 use crate::scene::{Scene, SceneParts};
+use crate::unit::materials::{coated, diffuse, glass, metal};
 
 const FRAME: UVec2 = UVec2::splat(40);
 

@@ -22,6 +22,7 @@ use crate::integrator::View;
 use crate::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
 use crate::sampler::{LightU, Sampler};
 use crate::scene::Surface;
+use crate::unit::{materials, shapes};
 use std::collections::BTreeMap;
 
 /// Differences by rounding: directions are computed again from positions, where edges may be short.

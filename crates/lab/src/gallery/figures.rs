@@ -1,9 +1,9 @@
 //! Scenes with the kinds of paths that the papers' figures show.
 
 use super::{open_box, v2, v3};
-use crate::gallery::shapes::{cuboid, cylinder, height_field, quad, room, sphere, torus};
+use crate::gallery::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
+use crate::gallery::shapes::{Placing, cuboid, cylinder, height_field, quad, room, sphere, torus};
 use opsr::math::{Rgb, Vec3};
-use opsr::scene::procedural::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
 use opsr::scene::{Material, Mesh, PunctualLight, SceneParts};
 
 /// A torus of rough gold inside a cube of smooth glass, under a small lamp. Light reaches the torus, and the camera

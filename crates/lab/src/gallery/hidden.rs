@@ -3,10 +3,10 @@
 //! They are held out: no table is trained on them.
 
 use super::{light_panel, v2, v3};
-use crate::gallery::shapes::{cuboid, height_field, quad, revolve, ring, room, sphere};
+use crate::gallery::materials::{COPPER, coated, diffuse, emitter, glass, metal};
+use crate::gallery::shapes::{Placing, cuboid, height_field, quad, revolve, ring, room, sphere};
 use opsr::image::Buffer;
 use opsr::math::{Rgb, Vec3};
-use opsr::scene::procedural::materials::{COPPER, coated, diffuse, emitter, glass, metal};
 use opsr::scene::{Environment, Material, Mesh, PunctualLight, SceneParts};
 
 /// Colour of the sun; scenes scale it to irradiance or radiance.

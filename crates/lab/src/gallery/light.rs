@@ -1,11 +1,11 @@
 //! Scenes that are hard for one estimator and easy for another.
 
 use super::{caustic_box, open_box, v3};
-use crate::gallery::shapes::{cuboid, cylinder, disc, quad, revolve, room, sphere};
-use opsr::math::{Rgb, Vec2, Vec3};
-use opsr::scene::procedural::materials::{
+use crate::gallery::materials::{
     GOLD, SILVER, coated, diffuse, emitter, glass, metal, translucent,
 };
+use crate::gallery::shapes::{Placing, cuboid, cylinder, disc, quad, revolve, room, sphere};
+use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::{Environment, Mesh, PunctualLight, SceneParts};
 use std::f32::consts::PI;
 

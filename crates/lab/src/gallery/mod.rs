@@ -12,16 +12,17 @@ pub mod glb;
 mod hidden;
 mod light;
 pub mod lowered;
+pub mod materials;
 pub mod shapes;
 pub mod training;
 
 use figures::Led;
 use glb::SaveError;
+use materials::{COPPER, diffuse, emitter, glass, metal};
 use opsr::files;
 use opsr::math::{Rgb, Vec2, Vec3};
-use opsr::scene::procedural::materials::{COPPER, diffuse, emitter, glass, metal};
 use opsr::scene::{Material, Mesh, SceneParts};
-use shapes::{cuboid, cylinder, quad, ring, sphere, torus};
+use shapes::{Placing, cuboid, cylinder, quad, ring, sphere, torus};
 use std::f32::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 

@@ -2,14 +2,14 @@
 
 use super::simple::{Fault, Simple};
 use super::{Finding, Size};
-use crate::gallery::shapes::{cuboid, disc, room, sphere};
+use crate::gallery::materials::{
+    GOLD, brushed, clearcoated, coated, diffuse, emitter, glass, metal,
+};
+use crate::gallery::shapes::{Placing, cuboid, disc, room, sphere};
 use crate::stats::agreement::{Agreement, agree};
 use opsr::image::Film;
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
-use opsr::scene::procedural::materials::{
-    GOLD, brushed, clearcoated, coated, diffuse, emitter, glass, metal,
-};
 use opsr::scene::{Material, Scene, SceneParts};
 
 /// A closed room with bodies of all materials, and an emissive ceiling that the simple tracer finds quickly.

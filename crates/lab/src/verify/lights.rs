@@ -2,12 +2,12 @@
 
 use super::{Finding, Numbers};
 use crate::gallery::furnace_sphere;
+use crate::gallery::materials::emitter;
 use crate::gallery::shapes::quad;
 use opsr::image::Buffer;
 use opsr::math::measure::balance;
 use opsr::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3, warp};
 use opsr::sampler::LightU;
-use opsr::scene::procedural::materials::emitter;
 use opsr::scene::{Environment, LightSample, Material, Mesh, Scene, SceneParts, Surface};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 

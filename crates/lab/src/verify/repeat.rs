@@ -2,7 +2,8 @@
 
 use super::{Finding, Numbers, Size, pool};
 use crate::gallery::caustic_box;
-use crate::gallery::shapes::{disc, sphere};
+use crate::gallery::materials::{brushed, clearcoated, coated};
+use crate::gallery::shapes::{Placing, disc, sphere};
 use opsr::image::Film;
 use opsr::image::film::Window;
 use opsr::image::level_film::LevelFilm;
@@ -11,7 +12,6 @@ use opsr::integrator::modes::{MODES, Mode, Uniform};
 use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::scene::Scene;
-use opsr::scene::procedural::materials::{brushed, clearcoated, coated};
 use std::error::Error;
 
 const FRAME: UVec2 = UVec2::new(24, 20);

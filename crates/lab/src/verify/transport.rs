@@ -1,7 +1,8 @@
 //! Small renders: light leaks, scales of the scene, Russian roulette, empty scenes.
 
 use super::{Finding, Numbers};
-use crate::gallery::shapes::{quad, room, sphere};
+use crate::gallery::materials::{GOLD, coated, diffuse, emitter, glass, metal};
+use crate::gallery::shapes::{Placing, quad, room, sphere};
 use crate::gallery::{caustic_box, furnace_sphere};
 use opsr::bsdf::Distribution;
 use opsr::image::Film;
@@ -9,7 +10,6 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
-use opsr::scene::procedural::materials::{GOLD, coated, diffuse, emitter, glass, metal};
 use opsr::scene::{Environment, Material, Mesh, PunctualLight, Scene, SceneParts};
 
 fn plain() -> Settings {

@@ -6,8 +6,8 @@ use crate::integrator::bidirectional::{Radius, Strategies};
 use crate::integrator::{Estimator, Settings, View};
 use crate::math::UVec2;
 use crate::sampler::{Independent, SampleSource, Sampler, Seed};
-use crate::scene::procedural::{materials, shapes};
 use crate::scene::{Aim, Material, SceneParts};
+use crate::unit::{materials, shapes};
 
 /// A list that grows step by step to a predicted length reserves little more memory than it needs.
 #[test]

@@ -1,9 +1,9 @@
 //! Cornell boxes full of caustics.
 
-use crate::gallery::shapes::{self, cuboid, prism, quad, ring, sphere};
+use crate::gallery::materials::{ALUMINIUM, COPPER, diffuse, emitter, glass, metal};
+use crate::gallery::shapes::{self, Placing, cuboid, prism, quad, ring, sphere};
 use crate::gallery::{v2, v3};
 use opsr::math::{Rgb, Vec3};
-use opsr::scene::procedural::materials::{ALUMINIUM, COPPER, diffuse, emitter, glass, metal};
 use opsr::scene::{Material, Mesh, SceneParts};
 
 /// Polished copper ring, glass ball, and a prism on a diffuse block.

@@ -1,11 +1,11 @@
 //! Glass: bodies inside bodies, and a lamp behind glass.
 
 use super::boxes::caustic_box;
-use crate::gallery::shapes::{self, blob, curve, cylinder, quad, revolve, sphere};
+use crate::gallery::materials::{ALUMINIUM, GOLD, coated, diffuse, emitter, glass, metal};
+use crate::gallery::shapes::{self, Placing, blob, curve, cylinder, quad, revolve, sphere};
 use crate::gallery::{v2, v3};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::SceneParts;
-use opsr::scene::procedural::materials::{ALUMINIUM, GOLD, coated, diffuse, emitter, glass, metal};
 
 /// A hollow glass ball with a ball inside, a decanter, frosted balls.
 pub(super) fn glass_in_glass() -> SceneParts {

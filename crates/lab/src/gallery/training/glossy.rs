@@ -1,12 +1,10 @@
 //! Metals: rings before a mirror, and a corridor of long glossy chains.
 
 use super::boxes::lamp;
-use crate::gallery::shapes::{self, cylinder, quad, ring, torus};
+use crate::gallery::materials::{ALUMINIUM, COPPER, GOLD, SILVER, coated, diffuse, emitter, metal};
+use crate::gallery::shapes::{self, Placing, cylinder, quad, ring, torus};
 use crate::gallery::{light_panel, v3};
 use opsr::math::{Rgb, Vec3};
-use opsr::scene::procedural::materials::{
-    ALUMINIUM, COPPER, GOLD, SILVER, coated, diffuse, emitter, metal,
-};
 use opsr::scene::{Mesh, SceneParts};
 
 /// Six rings from polished to rough on a white floor, a mirror behind them.

@@ -1,12 +1,12 @@
 //! Rooms tiled with every roughness. Paths between their walls hit the four roughness bins about equally often, so that
 //! five vertices form every combination of bins.
 
-use crate::gallery::shapes::{blob, cuboid, cylinder, quad, sphere, torus};
-use crate::gallery::{light_panel, v3};
-use opsr::math::{Rgb, Vec3};
-use opsr::scene::procedural::materials::{
+use crate::gallery::materials::{
     ALUMINIUM, COPPER, GOLD, SILVER, coated, diffuse, emitter, glass, metal,
 };
+use crate::gallery::shapes::{Placing, blob, cuboid, cylinder, quad, sphere, torus};
+use crate::gallery::{light_panel, v3};
+use opsr::math::{Rgb, Vec3};
 use opsr::scene::{Material, Mesh, SceneParts};
 
 /// Two tile materials for each of the four roughness bins.

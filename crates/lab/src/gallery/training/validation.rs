@@ -2,14 +2,14 @@
 
 use super::boxes::lamp;
 use super::water::{basin, waves};
+use crate::gallery::materials::{
+    ALUMINIUM, IRON, coated, diffuse, emitter, glass, metal, tinted_glass,
+};
 use crate::gallery::shapes::{
-    self, blob, curve, cylinder, height_field, quad, revolve, sphere, torus,
+    self, Placing, blob, curve, cylinder, height_field, quad, revolve, sphere, torus,
 };
 use crate::gallery::{light_panel, v2, v3};
 use opsr::math::{Vec2, Vec3};
-use opsr::scene::procedural::materials::{
-    ALUMINIUM, IRON, coated, diffuse, emitter, glass, metal, tinted_glass,
-};
 use opsr::scene::{Mesh, SceneParts};
 
 /// A hall with one long pool, chrome rails and a ball, under a skylight.

@@ -1,9 +1,9 @@
 //! Water over tiled floors.
 
-use crate::gallery::shapes::{self, cuboid, height_field, quad};
+use crate::gallery::materials::{diffuse, emitter, glass};
+use crate::gallery::shapes::{self, Placing, cuboid, height_field, quad};
 use crate::gallery::{light_panel, v2, v3};
 use opsr::math::{Rgb, Vec2, Vec3};
-use opsr::scene::procedural::materials::{diffuse, emitter, glass};
 use opsr::scene::{Mesh, SceneParts};
 
 /// The walls and the floor of a basin below y = 0, fronts inside.

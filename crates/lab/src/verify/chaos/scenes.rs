@@ -1,12 +1,12 @@
 //! Random small scenes: a room or open ground, bodies of all materials, lights of all kinds.
 
 use super::Numbers;
-use crate::gallery::shapes::{cuboid, cylinder, disc, quad, ring, room, sphere, torus};
-use opsr::math::{Rgb, Vec3};
-use opsr::scene::finish::FilmCover;
-use opsr::scene::procedural::materials::{
+use crate::gallery::materials::{
     brushed, clearcoated, coated, diffuse, emitter, glass, metal, tinted_glass,
 };
+use crate::gallery::shapes::{Placing, cuboid, cylinder, disc, quad, ring, room, sphere, torus};
+use opsr::math::{Rgb, Vec3};
+use opsr::scene::finish::FilmCover;
 use opsr::scene::{
     AlphaMode, Environment, Lens, Material, Medium, Mesh, PunctualLight, SceneParts,
 };

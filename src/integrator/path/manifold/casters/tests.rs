@@ -1,8 +1,8 @@
 use super::*;
 use crate::math::Vec3;
 use crate::sampler::{Independent, SampleSource, Sampler, Seed};
-use crate::scene::procedural::{materials, shapes};
 use crate::scene::{SceneParts, SharedMesh};
+use crate::unit::{materials, shapes};
 use glam::{DAffine3, DVec3};
 
 /// Two mirrors and two instances of a third, small and large ones, beside a diffuse quad: all cells of the mirrors

@@ -1,8 +1,8 @@
 //! Materials by their most common parameters.
 
-use crate::math::Rgb;
-use crate::scene::Material;
-use crate::scene::finish::{Anisotropy, Clearcoat, Translucency};
+use opsr::math::Rgb;
+use opsr::scene::Material;
+use opsr::scene::finish::{Anisotropy, Clearcoat, Translucency};
 
 /// Reflectance of gold at normal incidence, linear.
 pub const GOLD: Rgb = Rgb::new(1.0, 0.78, 0.34);

@@ -1,4 +1,0 @@
-//! Meshes and materials made in code.
-
-pub mod materials;
-pub mod shapes;
