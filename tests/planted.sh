@@ -103,7 +103,7 @@ plant "13 pixels that are no numbers" crates/metric/src/lib.rs \
 plant "14 corners that are no numbers" src/scene/load/mesh.rs \
     's/!p\.iter\(\)\.all\(\|x\| x\.is_finite\(\)\)/p.is_empty()/' load::broken::load_refuses_broken_bytes
 plant "14 triangles without area" src/scene/geometry.rs \
-    's/\.length\(\) > 0\.0/.length() >= 0.0/' geometry::degenerate_triangles_are_dropped_and_counted
+    's/\.length\(\) > 0\.0/.length() >= 0.0/' lib::unit::geometry::degenerate_triangles_are_dropped_and_counted
 plant "15 steps with a gradient of no numbers" crates/train/src/learn/outer_loop.rs \
     's/if loss\.is_finite\(\) && gradient\.iter\(\)\.all\(\|g\| g\.abs\(\) < MAX_DERIVATIVE\)/if gradient.len() < usize::MAX/' \
     stability_train::case_15_nan_gradients_leave_table_and_optimiser_unchanged
@@ -119,7 +119,7 @@ plant "slopes of the isotropic Gaussian" src/bsdf/slope.rs \
 plant "Sobol points that are not scrambled" src/sampler/sobol.rs \
     's/scramble\(digits\[d\], seeds\[d\]\)/digits[d]/' lib::sampler::sobol::tests::chi_square_of_one_sample_over_sequences
 plant "one order for all sets of a path" src/sampler/sobol.rs \
-    's/u64::from\(set\)\.wrapping_mul/0u64.wrapping_mul/' sampler::agreement_of_sobol_and_independent_samples
+    's/u64::from\(set\)\.wrapping_mul/0u64.wrapping_mul/' lib::unit::sampler::agreement_of_sobol_and_independent_samples
 plant "the same light paths for every sample" src/sampler/mod.rs \
     's/seed\.0 \^ block \^ u64::from\(sample\)/seed.0 ^ block/' lib::sampler::tests::light_paths_of_neighbours_cover_directions
 plant "light paths in the order of lines" src/sampler/mod.rs \
@@ -139,17 +139,17 @@ plant "textures are no edges of blurs along rough surfaces" src/resolve/guide.rs
     lib::resolve::tests::a_difference_of_reflectance_is_an_edge_of_both_surfaces
 plant "the reflectance of a covered surface is that of the drawn lobe" src/scene/mod.rs \
     's/Some\(finish\) if finish\.covers\(\) \&\& finish\.mix\.is_none\(\)/Some(finish) if finish.mix.is_some()/' \
-    aov::aov_albedo_under_covers_has_no_noise
+    lib::unit::aov::aov_albedo_under_covers_has_no_noise
 plant "the second way through glass counts as the first" src/integrator/walk/ways.rs \
     's/chance: 1\.0 - one\.chance/chance: one.chance/' lib::integrator::walk::ways::tests::ways_are_all_leaves_of_a_tree
 plant "ways of small shares end and nothing makes up for it" src/integrator/walk/mod.rs \
     's/self\.throughput \/= chance;//' bidirectional::ways::agreement_with_drawn_ways_behind_a_pane
 plant "light at the end of an edge counts without the roulette of ways" src/integrator/walk/mod.rs \
-    's/pending\.scale\(Rgb::splat\(1\.0 \/ chance\)\);//' ways::agreement_of_paths_on_both_ways_with_drawn_ones
+    's/pending\.scale\(Rgb::splat\(1\.0 \/ chance\)\);//' lib::unit::ways::agreement_of_paths_on_both_ways_with_drawn_ones
 plant "every way of levels counts in full" src/integrator/levels/packed.rs \
-    's/share \* \*value/*value/' ways::agreement_of_levels_on_both_ways_with_drawn_ones
+    's/share \* \*value/*value/' lib::unit::ways::agreement_of_levels_on_both_ways_with_drawn_ones
 plant "light layers count every way in full" src/integrator/aov.rs \
-    's/share \* part/part/' aov::aov_light_split_adds_up_and_equals_short_paths
+    's/share \* part/part/' lib::unit::aov::aov_light_split_adds_up_and_equals_short_paths
 plant "a reflection at glass is drawn" src/integrator/bidirectional/paths.rs \
     's/Ways::all\(\)/Ways::drawn()/' bidirectional::ways::glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample
 plant "photons count at the radius that first reaches them alone" src/integrator/bidirectional/merge.rs \
@@ -204,7 +204,7 @@ plant "reverse density is the forward one" src/integrator/bidirectional/walk.rs 
     lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_of_materials
 plant "aimed light without its density" src/scene/light/aim.rs \
     's/self\.uniform \* uniform \+ self\.targets\.iter\(\)\.map\(part\)\.sum::<f32>\(\)/self.uniform * uniform/' \
-    bidirectional::ends::chi_square_of_aimed_points
+    lib::unit::bidirectional::ends::chi_square_of_aimed_points
 plant "light samples weighed as if emission chose them" src/scene/light/emission.rs \
     's/pdf \* \(self\.emission_pmf\(k\) \/ light\.pmf\)/pdf/' \
     lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_among_many_lights
@@ -285,7 +285,7 @@ plant "resolve: a denoiser is judged by the samples that it has seen" src/resolv
     's/one \* \(a - other\) \+ two \* \(b - raw\)/one * (a - raw) + two * (b - other)/' \
     lib::resolve::tests::a_filter_is_believed_as_far_as_it_is_right
 plant "pilot: no clock ends a race" src/pilot/mod.rs \
-    's/so_far > 0\.0 && before/so_far < 0.0 \&\& before/' pilot::race_ends_where_paths_are_slow_and_time_is_short
+    's/so_far > 0\.0 && before/so_far < 0.0 \&\& before/' lib::unit::pilot::race_ends_where_paths_are_slow_and_time_is_short
 plant "resolve: a denoised picture is as noisy as its halves" src/resolve/denoised.rs \
     's/ - 0\.25 \* \(a - b\) \* \(one - two\)//' lib::resolve::tests::share_of_a_filter_is_that_of_the_least_error
 plant "photons: lists of light paths double" src/integrator/bidirectional/photons.rs \
@@ -386,7 +386,7 @@ plant "translucent: the sides change their densities" src/bsdf/translucent.rs \
     's/let \[_, reflected, transmitted\]/let [_, transmitted, reflected]/' bsdf::chi_square_of_sample_against_pdf
 plant "translucent: light walks take the surface for opaque" src/bsdf/mod.rs \
     's/Self::Anisotropic\(_\) \| Self::FresnelGlossy\(_\)/Self::Anisotropic(_) | Self::FresnelGlossy(_) | Self::Translucent(_)/' \
-    bidirectional::strategies::agreement_of_each_strategy_through_translucent_sheets
+    lib::unit::bidirectional::strategies::agreement_of_each_strategy_through_translucent_sheets
 plant "layers: one number decides two of them" src/scene/layers.rs \
     's/\*u = \(\*u - opacity\) \/ \(1\.0 - opacity\);//' opacity::stacked_layers_show_the_product_of_their_opacities
 plant "layers: hidden backs dim a light path's connection to the camera" src/integrator/walk/mod.rs \

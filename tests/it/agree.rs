@@ -10,7 +10,7 @@ use opsr::math::{Rgb, UVec2};
 use opsr_lab::gallery::cornell_box;
 use opsr_lab::stats::agreement::{Agreement, agree};
 
-use crate::film::noise;
+use crate::support::draws::noise;
 use crate::support::render::{film_with, scene, without_noise};
 
 const EDGE: u32 = 32;

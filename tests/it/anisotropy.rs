@@ -3,7 +3,7 @@
 use super::support::gltf::File;
 use super::support::render::{film, mean, scene};
 use crate::bsdf::numbers;
-use crate::geometry::rng;
+use crate::support::draws::rng;
 use opsr::bsdf::{Anisotropic, Bsdf, DELTA_ALPHA, Distribution, Glossy, anisotropic};
 use opsr::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3};
 use opsr::regularise::{ConstantGamma, PathRoughness, Rule};

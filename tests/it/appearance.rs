@@ -383,7 +383,7 @@ fn light_sampling(parts: SceneParts) -> f64 {
         let count = f64::from(COUNT);
         expected.push(count * chi_square::integrate(&density, across, down, 0.2 / count));
     }
-    let mut rng = crate::geometry::rng(5);
+    let mut rng = crate::support::draws::rng(5);
     let mut observed = vec![0; expected.len()];
     for _ in 0..COUNT {
         let u: [f32; 3] = std::array::from_fn(|_| rand::RngExt::random(&mut rng));

@@ -1,6 +1,6 @@
 //! BSDFs: sampling against density, weights against values, reciprocity.
 
-use crate::geometry::rng;
+use crate::support::draws::rng;
 use crate::support::{assert_likely, holds};
 use opsr::bsdf::{
     Bsdf, BsdfSample, DELTA_ALPHA, Diffuse, Distribution, Glossy, Lobe, SharedNumbers, translucent,

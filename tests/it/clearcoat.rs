@@ -2,7 +2,7 @@
 
 use super::support::render::scene;
 use crate::bsdf::numbers;
-use crate::geometry::rng;
+use crate::support::draws::rng;
 use opsr::bsdf::{Bsdf, Diffuse, Distribution, clearcoated};
 use opsr::image::Film;
 use opsr::integrator::{PathObserver, Recorder, Settings, View};

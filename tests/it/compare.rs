@@ -6,7 +6,7 @@ use opsr::math::{Rgb, UVec2};
 use opsr_lab::report::compare::{Comparison, Named, Options, compare, compare_with};
 use opsr_lab::report::page;
 
-use crate::film::noise;
+use crate::support::draws::noise;
 
 fn shade(x: usize, y: usize) -> Rgb {
     Rgb::new(0.1 + 0.1 * x as f32, 0.2 + 0.05 * y as f32, 1.5)

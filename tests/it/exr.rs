@@ -10,7 +10,7 @@ use opsr::image::{Buffer, png};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::scene::Camera;
 
-use crate::film::noise;
+use crate::support::draws::noise;
 
 fn small_film() -> Film {
     let window = Window {

@@ -2,7 +2,6 @@
 
 mod agree;
 mod anisotropy;
-mod aov;
 mod appearance;
 mod architecture;
 mod backs;
@@ -20,18 +19,12 @@ mod energy;
 mod examples;
 mod export;
 mod exr;
-mod film;
 mod foreign;
 mod fuzz;
-mod geometry;
 mod guided;
-mod instances;
 mod lamps;
-mod lens;
-mod levels;
 mod load;
 mod manifold;
-mod many_lights;
 mod mean_error;
 mod media;
 mod metric;
@@ -42,13 +35,10 @@ mod options;
 mod own_light;
 mod panes;
 mod parts;
-mod phase;
-mod pilot;
 #[cfg(feature = "train")]
 mod readme;
 mod references;
 mod resume;
-mod sampler;
 mod scenes;
 mod stability;
 #[cfg(feature = "train")]
@@ -56,13 +46,13 @@ mod stability_train;
 mod statement;
 mod stop;
 mod support;
-mod surface;
 mod table_file;
 #[cfg(feature = "train")]
 mod train;
 mod training_scenes;
 mod transport;
 mod view;
-mod ways;
 mod witness;
 mod words;
+
+use opsr_lab as lab;

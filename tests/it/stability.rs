@@ -4,7 +4,7 @@
 //! `stability_train`.
 
 use crate::bsdf::numbers;
-use crate::geometry::rng;
+use crate::support::draws::rng;
 use crate::support::scenes::two_mirrors;
 use crate::support::{self, assert_likely};
 use opsr::image::Film;

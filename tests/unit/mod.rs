@@ -1,8 +1,21 @@
-//! What unit tests of several modules share: materials and shapes of the laboratory.
+//! Tests of several modules that need more than their public items. Scenes and statistics are those of the laboratory.
 
-#[path = "../../crates/lab/src/gallery/materials.rs"]
-#[allow(dead_code, unreachable_pub)]
-pub(crate) mod materials;
-#[path = "../../crates/lab/src/gallery/shapes.rs"]
-#[allow(dead_code, unreachable_pub)]
-pub(crate) mod shapes;
+mod aov;
+pub(crate) mod bidirectional;
+mod film;
+mod geometry;
+mod instances;
+mod lab;
+mod lens;
+mod levels;
+mod many_lights;
+mod phase;
+mod pilot;
+mod sampler;
+#[path = "../it/support/mod.rs"]
+#[allow(dead_code)]
+pub(crate) mod support;
+mod surface;
+mod ways;
+
+pub(crate) use lab::gallery::{materials, shapes};

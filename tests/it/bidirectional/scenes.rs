@@ -12,7 +12,7 @@ use opsr::scene::{
 const HALF: Rgb = Rgb::splat(0.5);
 
 /// A box of edge 2 around (0, 1, 0) with walls of this material; the camera looks in through the open front.
-pub(super) fn walls(material: Material) -> SceneParts {
+pub(crate) fn walls(material: Material) -> SceneParts {
     let mut parts = SceneParts::default();
     let all = room(Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0));
     let [left, right, floor, ceiling, back, _] = all;
@@ -22,19 +22,19 @@ pub(super) fn walls(material: Material) -> SceneParts {
 }
 
 /// A panel below the ceiling that emits downwards.
-pub(super) fn panel(edge: f32) -> opsr::scene::Mesh {
+pub(crate) fn panel(edge: f32) -> opsr::scene::Mesh {
     let corner = Vec3::new(-0.5 * edge, 1.9, -0.5 * edge);
     quad(corner, Vec3::X * edge, Vec3::Z * edge)
 }
 
-pub(super) fn lit(material: Material, radiance: f32) -> SceneParts {
+pub(crate) fn lit(material: Material, radiance: f32) -> SceneParts {
     let mut parts = walls(material);
     parts.add(emitter("light", Rgb::splat(radiance)), [panel(0.8)]);
     parts
 }
 
 /// The lit diffuse box with a sphere of this material on its floor.
-pub(super) fn with_sphere(material: Material) -> SceneParts {
+pub(crate) fn with_sphere(material: Material) -> SceneParts {
     let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
     parts.add(material, [sphere(Vec3::new(0.1, 0.55, 0.0), 0.5, 4)]);
     parts
@@ -57,7 +57,7 @@ fn blocks() -> [opsr::scene::Mesh; 1] {
     [cuboid(Vec3::new(-0.6, 0.0, -0.5), Vec3::new(0.0, 0.8, 0.1))]
 }
 
-pub(super) fn point_lit(material: Material) -> SceneParts {
+pub(crate) fn point_lit(material: Material) -> SceneParts {
     let mut parts = walls(material);
     parts.add(diffuse("block", HALF), blocks());
     parts.lights.push(PunctualLight::Point {
@@ -68,7 +68,7 @@ pub(super) fn point_lit(material: Material) -> SceneParts {
     parts
 }
 
-pub(super) fn spot() -> SceneParts {
+pub(crate) fn spot() -> SceneParts {
     let mut parts = walls(diffuse("walls", HALF));
     parts.add(diffuse("block", HALF), blocks());
     parts.lights.push(PunctualLight::Spot {
@@ -83,7 +83,7 @@ pub(super) fn spot() -> SceneParts {
     parts
 }
 
-pub(super) fn sunny(directional: bool) -> SceneParts {
+pub(crate) fn sunny(directional: bool) -> SceneParts {
     let mut parts = SceneParts::default();
     let floor = quad(Vec3::new(-1.5, 0.0, -1.5), Vec3::Z * 3.0, Vec3::X * 3.0);
     parts.add(diffuse("floor", HALF), [floor]);
@@ -104,7 +104,7 @@ pub(super) fn sunny(directional: bool) -> SceneParts {
     parts
 }
 
-pub(super) fn parallel_camera() -> SceneParts {
+pub(crate) fn parallel_camera() -> SceneParts {
     let mut parts = with_sphere(diffuse("ball", HALF));
     let camera = &mut parts.cameras[0];
     camera.position = Vec3::new(0.0, 1.0, 2.0);
@@ -118,7 +118,7 @@ pub(super) fn parallel_camera() -> SceneParts {
 }
 
 /// The scene with a camera lens: the front of the ball is in focus, the back wall and the floor are not.
-pub(super) fn through_a_lens(mut parts: SceneParts) -> SceneParts {
+pub(crate) fn through_a_lens(mut parts: SceneParts) -> SceneParts {
     parts.cameras[0].lens = Some(Lens {
         radius: 0.15,
         focus: 3.0,
@@ -126,7 +126,7 @@ pub(super) fn through_a_lens(mut parts: SceneParts) -> SceneParts {
     parts
 }
 
-pub(super) fn two_sided() -> SceneParts {
+pub(crate) fn two_sided() -> SceneParts {
     let mut parts = walls(diffuse("walls", HALF));
     let sheet = quad(Vec3::new(-0.4, 1.2, -0.4), Vec3::X * 0.8, Vec3::Z * 0.8);
     let material = Material {
@@ -138,7 +138,7 @@ pub(super) fn two_sided() -> SceneParts {
 }
 
 /// The lit box with a sheet of paper below the light and a glossy leaf; both transmit light diffusely.
-pub(super) fn sheets() -> SceneParts {
+pub(crate) fn sheets() -> SceneParts {
     let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
     let paper = quad(Vec3::new(-0.7, 1.3, -0.6), Vec3::X * 1.2, Vec3::Z * 1.2);
     let white = diffuse("paper", Rgb::splat(0.8));
@@ -150,7 +150,7 @@ pub(super) fn sheets() -> SceneParts {
 }
 
 /// A panel on the back wall whose normal map tilts its normals by up to 40°.
-pub(super) fn normal_map() -> SceneParts {
+pub(crate) fn normal_map() -> SceneParts {
     let mut parts = lit(diffuse("walls", HALF), 3.0);
     let texel = |i: u8| [60 + 40 * (i % 4), 60 + 40 * (i / 4), 220, 255];
     parts.textures.push(Texture::rgba(4, 4, (0..16).map(texel)));
@@ -174,7 +174,7 @@ pub(super) fn normal_map() -> SceneParts {
 }
 
 /// A wall and a floor of coloured texels, three per pixel, partly behind a pane.
-pub(super) fn far_texels() -> SceneParts {
+pub(crate) fn far_texels() -> SceneParts {
     let mut parts = lit(diffuse("walls", HALF), 3.0);
     let texel = |i: u32| {
         let [r, g, b, _] = i.wrapping_mul(2_654_435_761).to_le_bytes();
@@ -249,7 +249,7 @@ fn bottle() -> SceneParts {
 
 /// A camera under water, with a ball on the floor and a light above. The surface has shading normals tilted by 20°. A
 /// single refraction between light and camera reveals errors of η², a tilted normal those of the cosines.
-pub(super) fn under_water(alpha: f32) -> SceneParts {
+pub(crate) fn under_water(alpha: f32) -> SceneParts {
     let mut parts = SceneParts::default();
     let (low, high) = (Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 1.0, 1.0));
     let mut body = cuboid(low, high);
@@ -270,7 +270,7 @@ pub(super) fn under_water(alpha: f32) -> SceneParts {
 }
 
 /// The floor of a wide field with a visible ball of glass in the middle, at which all kinds of lights are aimed.
-pub(super) fn field(light: impl FnOnce(&mut SceneParts)) -> SceneParts {
+pub(crate) fn field(light: impl FnOnce(&mut SceneParts)) -> SceneParts {
     let mut parts = SceneParts::default();
     let floor = quad(Vec3::new(-15.0, 0.0, -15.0), Vec3::Z * 30.0, Vec3::X * 30.0);
     parts.add(diffuse("floor", HALF), [floor]);
@@ -285,20 +285,20 @@ pub(super) fn field(light: impl FnOnce(&mut SceneParts)) -> SceneParts {
     parts
 }
 
-pub(super) fn sun_in_field(parts: &mut SceneParts) {
+pub(crate) fn sun_in_field(parts: &mut SceneParts) {
     parts.lights.push(PunctualLight::Directional {
         direction: Vec3::new(0.5, -1.0, -0.2).normalize(),
         irradiance: Rgb::new(3.0, 2.8, 2.5),
     });
 }
 
-pub(super) fn sky_in_field(parts: &mut SceneParts) {
+pub(crate) fn sky_in_field(parts: &mut SceneParts) {
     let sun = |x: usize, y: usize| if (x, y) == (6, 3) { 300.0 } else { 0.3 };
     let map = Buffer::from_fn(24, 12, |x, y| Rgb::splat(sun(x, y)));
     parts.environment = Some(Environment::from_map(map, 0.0));
 }
 
-pub(super) fn lamps_in_field(parts: &mut SceneParts) {
+pub(crate) fn lamps_in_field(parts: &mut SceneParts) {
     let lamp = quad(Vec3::new(-2.0, 6.0, 1.0), Vec3::X * 0.5, Vec3::Z * 0.5);
     parts.add(emitter("lamp", Rgb::new(60.0, 50.0, 40.0)), [lamp]);
     let both = Material {
@@ -309,7 +309,7 @@ pub(super) fn lamps_in_field(parts: &mut SceneParts) {
     parts.add(both, [lamp]);
 }
 
-pub(super) fn points_in_field(parts: &mut SceneParts) {
+pub(crate) fn points_in_field(parts: &mut SceneParts) {
     let (intensity, range) = (Rgb::new(20.0, 25.0, 30.0), 40.0);
     parts.lights.push(PunctualLight::Point {
         position: Vec3::new(-2.0, 4.0, 1.0),
@@ -328,7 +328,7 @@ pub(super) fn points_in_field(parts: &mut SceneParts) {
 }
 
 /// A floor with blocks among two dozen lamps, each of which lights only a part: a case for the light tree.
-pub(super) fn many_lamps() -> SceneParts {
+pub(crate) fn many_lamps() -> SceneParts {
     let mut parts = SceneParts::default();
     let floor = quad(Vec3::new(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0);
     parts.add(diffuse("floor", HALF), [floor]);
@@ -354,7 +354,7 @@ pub(super) fn many_lamps() -> SceneParts {
 }
 
 /// A room whose lamp is behind one pane and whose camera is behind another.
-pub(super) fn panes() -> SceneParts {
+pub(crate) fn panes() -> SceneParts {
     let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
     let pane = Material {
         transmission: 1.0,
@@ -371,7 +371,7 @@ pub(super) fn panes() -> SceneParts {
 }
 
 /// Scenes of every kind, with the samples per pixel of their comparison.
-pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
+pub(crate) fn all() -> Vec<(&'static str, SceneParts, u32)> {
     let thin = Material {
         transmission: 1.0,
         ..coated("wall", Rgb::new(0.9, 0.8, 0.7), 0.3)

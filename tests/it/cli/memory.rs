@@ -1,8 +1,8 @@
 //! Work that needs more memory than is free: refused before allocation, with exit code 7 and the number of bytes.
 
 use super::{RunResult, TestFolder};
-use crate::instances::{grid, spread};
 use crate::support::gltf::File;
+use crate::support::gltf::{grid, spread};
 use serde_json::json;
 
 impl TestFolder {

@@ -191,3 +191,36 @@ pub(crate) fn load_in(folder: &Path, name: &str, bytes: &[u8]) -> Result<Loaded,
     std::fs::write(&path, bytes).expect("a file");
     load(&path, &LoadOptions::default())
 }
+
+/// A file with a grid of triangles, and two materials, the second of which emits.
+pub(crate) fn grid(edge: u16) -> File {
+    let mut file = File::of(|file| {
+        let at = |i: u16| f32::from(i) / f32::from(edge);
+        let corners = (0..=edge).flat_map(|y| (0..=edge).map(move |x| [at(x), 0.0, at(y)]));
+        let positions: Vec<f32> = corners.flatten().collect();
+        let index = |x: u16, y: u16| y * (edge + 1) + x;
+        let faces = (0..edge).flat_map(|y| {
+            (0..edge).flat_map(move |x| {
+                let [a, b, c, d] =
+                    [(x, y), (x, y + 1), (x + 1, y + 1), (x + 1, y)].map(|(x, y)| index(x, y));
+                [a, b, c, a, c, d]
+            })
+        });
+        let faces: Vec<u16> = faces.collect();
+        json!({ "attributes": { "POSITION": file.floats("VEC3", &positions) }, "indices": file.indices(&faces), "material": 0 })
+    });
+    file.json["materials"] = json!([{}, { "emissiveFactor": [1, 1, 1] }]);
+    file.json["extensionsUsed"] = json!(["EXT_mesh_gpu_instancing"]);
+    file
+}
+
+/// Puts this many instances of mesh 0 on a node.
+pub(crate) fn spread(file: &mut File, count: usize) {
+    let places: Vec<f32> = (0..count)
+        .flat_map(|i| [(i % 100) as f32, 0.0, (i / 100) as f32])
+        .collect();
+    let places = file.floats("VEC3", &places);
+    let extension =
+        json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": places } } });
+    file.json["nodes"][0]["extensions"] = extension;
+}

@@ -1,10 +1,11 @@
 //! Tools of several tests.
 
+pub(crate) mod draws;
 pub(crate) mod gltf;
 pub(crate) mod render;
 pub(crate) mod scenes;
 
-use opsr_lab::verify::{Finding, chi_square};
+use super::lab::verify::{Finding, chi_square};
 use std::path::Path;
 
 /// The root of the repository.

@@ -56,28 +56,16 @@ pub(crate) fn drawn(scene: &Scene, settings: &Settings, size: u32, spp: u32) -> 
     drawn_samples(scene, settings, size, 0..spp)
 }
 
-fn drawn_samples(scene: &Scene, settings: &Settings, size: u32, samples: Range<u32>) -> Film {
+pub(crate) fn drawn_samples(
+    scene: &Scene,
+    settings: &Settings,
+    size: u32,
+    samples: Range<u32>,
+) -> Film {
     let mut film = Film::new(UVec2::splat(size));
     let view = View::of(scene, &scene.parts().cameras[0], &film);
     let (tracer, seed) = (settings.tracer(settings.rule.clone()), Seed(settings.seed));
     tracer.estimate(&view, &Independent { seed }, samples, &mut film, &mut ());
-    film
-}
-
-/// A film as [`drawn`] makes it, whose samples are means of `each` samples.
-pub(crate) fn drawn_means(
-    scene: &Scene,
-    settings: &Settings,
-    size: u32,
-    passes: u32,
-    each: u32,
-) -> Film {
-    let mut film = Film::new(UVec2::splat(size));
-    for pass in 0..passes {
-        let some = drawn_samples(scene, settings, size, pass * each..(pass + 1) * each);
-        let pairs = film.pixels.iter_mut().zip(&some.pixels);
-        pairs.for_each(|(pixel, m)| pixel.push(m.mean));
-    }
     film
 }
 

@@ -1,9 +1,9 @@
 //! Scenes of a few surfaces with a known picture.
 
+use super::super::lab::gallery::materials::{diffuse, emitter, glass, metal};
+use super::super::lab::gallery::shapes::{cuboid, quad};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::{PunctualLight, SceneParts};
-use opsr_lab::gallery::materials::{diffuse, emitter, glass, metal};
-use opsr_lab::gallery::shapes::{cuboid, quad};
 use std::f32::consts::PI;
 
 /// A plane y = 0 of albedo 0.5 under a point light of intensity 2π at height 1 above the origin. The radiance at

@@ -1,16 +1,16 @@
 //! Contributions of real paths against the definition: every density, weight and value computed again from positions.
 
-use super::scenes::{
-    field, lamps_in_field, lit, many_lamps, normal_map, parallel_camera, point_lit,
-    points_in_field, sheets, sky_in_field, spot, sun_in_field, sunny, through_a_lens, two_sided,
-    under_water, with_sphere,
-};
 use crate::image::film::Window;
 use crate::integrator::bidirectional::{Bidirectional, Radius, Strategies};
 use crate::integrator::{Estimator, Settings, View};
 use crate::math::{Rgb, UVec2};
 use crate::regularise::Rule;
 use crate::scene::{Scene, SceneParts};
+use crate::unit::bidirectional::scenes::{
+    field, lamps_in_field, lit, many_lamps, normal_map, parallel_camera, point_lit,
+    points_in_field, sheets, sky_in_field, spot, sun_in_field, sunny, through_a_lens, two_sided,
+    under_water, with_sphere,
+};
 use crate::unit::materials::{coated, diffuse, glass, metal};
 
 const FRAME: UVec2 = UVec2::splat(40);

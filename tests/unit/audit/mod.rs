@@ -8,9 +8,6 @@
 //! A module of `opsr::integrator::bidirectional` in tests of the library, since it needs what that room keeps to itself.
 
 mod cases;
-#[path = "../../it/bidirectional/scenes.rs"]
-#[allow(dead_code)]
-mod scenes;
 
 use super::iteration::Iteration;
 use super::split::{Event, LightSummary, share};
@@ -22,7 +19,6 @@ use crate::integrator::View;
 use crate::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
 use crate::sampler::{LightU, Sampler};
 use crate::scene::Surface;
-use crate::unit::{materials, shapes};
 use std::collections::BTreeMap;
 
 /// Differences by rounding: directions are computed again from positions, where edges may be short.

@@ -1,8 +1,8 @@
 //! Scenes with the kinds of paths that the papers' figures show.
 
+use super::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
+use super::shapes::{Placing, cuboid, cylinder, height_field, quad, room, sphere, torus};
 use super::{open_box, v2, v3};
-use crate::gallery::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
-use crate::gallery::shapes::{Placing, cuboid, cylinder, height_field, quad, room, sphere, torus};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::{Material, Mesh, PunctualLight, SceneParts};
 

@@ -2,9 +2,9 @@
 //!
 //! They are held out: no table is trained on them.
 
+use super::materials::{COPPER, coated, diffuse, emitter, glass, metal};
+use super::shapes::{Placing, cuboid, height_field, quad, revolve, ring, room, sphere};
 use super::{light_panel, v2, v3};
-use crate::gallery::materials::{COPPER, coated, diffuse, emitter, glass, metal};
-use crate::gallery::shapes::{Placing, cuboid, height_field, quad, revolve, ring, room, sphere};
 use opsr::image::Buffer;
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::{Environment, Material, Mesh, PunctualLight, SceneParts};

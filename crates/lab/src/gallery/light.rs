@@ -1,10 +1,8 @@
 //! Scenes that are hard for one estimator and easy for another.
 
+use super::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal, translucent};
+use super::shapes::{Placing, cuboid, cylinder, disc, quad, revolve, room, sphere};
 use super::{caustic_box, open_box, v3};
-use crate::gallery::materials::{
-    GOLD, SILVER, coated, diffuse, emitter, glass, metal, translucent,
-};
-use crate::gallery::shapes::{Placing, cuboid, cylinder, disc, quad, revolve, room, sphere};
 use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::{Environment, Mesh, PunctualLight, SceneParts};
 use std::f32::consts::PI;
@@ -107,7 +105,7 @@ fn blade(root: Vec3, length: f32) -> Mesh {
             }
         }
     }
-    crate::gallery::shapes::smooth(&mut mesh);
+    super::shapes::smooth(&mut mesh);
     mesh
 }
 
@@ -219,7 +217,7 @@ fn waves(low: Vec3, high: Vec3) -> Mesh {
         indices,
         ..Mesh::default()
     };
-    crate::gallery::shapes::smooth(&mut mesh);
+    super::shapes::smooth(&mut mesh);
     mesh
 }
 

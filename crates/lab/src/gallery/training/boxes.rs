@@ -1,8 +1,8 @@
 //! Cornell boxes full of caustics.
 
-use crate::gallery::materials::{ALUMINIUM, COPPER, diffuse, emitter, glass, metal};
-use crate::gallery::shapes::{self, Placing, cuboid, prism, quad, ring, sphere};
-use crate::gallery::{v2, v3};
+use super::super::materials::{ALUMINIUM, COPPER, diffuse, emitter, glass, metal};
+use super::super::shapes::{self, Placing, cuboid, prism, quad, ring, sphere};
+use super::super::{v2, v3};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::{Material, Mesh, SceneParts};
 

@@ -1,9 +1,9 @@
 //! Glass: bodies inside bodies, and a lamp behind glass.
 
+use super::super::materials::{ALUMINIUM, GOLD, coated, diffuse, emitter, glass, metal};
+use super::super::shapes::{self, Placing, blob, curve, cylinder, quad, revolve, sphere};
+use super::super::{v2, v3};
 use super::boxes::caustic_box;
-use crate::gallery::materials::{ALUMINIUM, GOLD, coated, diffuse, emitter, glass, metal};
-use crate::gallery::shapes::{self, Placing, blob, curve, cylinder, quad, revolve, sphere};
-use crate::gallery::{v2, v3};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::SceneParts;
 

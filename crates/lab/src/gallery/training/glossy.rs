@@ -1,9 +1,9 @@
 //! Metals: rings before a mirror, and a corridor of long glossy chains.
 
+use super::super::materials::{ALUMINIUM, COPPER, GOLD, SILVER, coated, diffuse, emitter, metal};
+use super::super::shapes::{self, Placing, cylinder, quad, ring, torus};
+use super::super::{light_panel, v3};
 use super::boxes::lamp;
-use crate::gallery::materials::{ALUMINIUM, COPPER, GOLD, SILVER, coated, diffuse, emitter, metal};
-use crate::gallery::shapes::{self, Placing, cylinder, quad, ring, torus};
-use crate::gallery::{light_panel, v3};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::{Mesh, SceneParts};
 

@@ -13,7 +13,7 @@ mod validation;
 mod water;
 
 use super::Builder;
-use crate::gallery::glb::SaveError;
+use super::glb::SaveError;
 use opsr::files;
 use std::path::{Path, PathBuf};
 

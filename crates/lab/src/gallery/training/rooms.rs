@@ -1,11 +1,11 @@
 //! Rooms tiled with every roughness. Paths between their walls hit the four roughness bins about equally often, so that
 //! five vertices form every combination of bins.
 
-use crate::gallery::materials::{
+use super::super::materials::{
     ALUMINIUM, COPPER, GOLD, SILVER, coated, diffuse, emitter, glass, metal,
 };
-use crate::gallery::shapes::{Placing, blob, cuboid, cylinder, quad, sphere, torus};
-use crate::gallery::{light_panel, v3};
+use super::super::shapes::{Placing, blob, cuboid, cylinder, quad, sphere, torus};
+use super::super::{light_panel, v3};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::{Material, Mesh, SceneParts};
 

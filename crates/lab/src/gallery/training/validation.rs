@@ -1,14 +1,14 @@
 //! Scenes held out from training: other shapes, other materials, other lights.
 
-use super::boxes::lamp;
-use super::water::{basin, waves};
-use crate::gallery::materials::{
+use super::super::materials::{
     ALUMINIUM, IRON, coated, diffuse, emitter, glass, metal, tinted_glass,
 };
-use crate::gallery::shapes::{
+use super::super::shapes::{
     self, Placing, blob, curve, cylinder, height_field, quad, revolve, sphere, torus,
 };
-use crate::gallery::{light_panel, v2, v3};
+use super::super::{light_panel, v2, v3};
+use super::boxes::lamp;
+use super::water::{basin, waves};
 use opsr::math::{Vec2, Vec3};
 use opsr::scene::{Mesh, SceneParts};
 

@@ -1,8 +1,8 @@
 //! Water over tiled floors.
 
-use crate::gallery::materials::{diffuse, emitter, glass};
-use crate::gallery::shapes::{self, Placing, cuboid, height_field, quad};
-use crate::gallery::{light_panel, v2, v3};
+use super::super::materials::{diffuse, emitter, glass};
+use super::super::shapes::{self, Placing, cuboid, height_field, quad};
+use super::super::{light_panel, v2, v3};
 use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::{Mesh, SceneParts};
 

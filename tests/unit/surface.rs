@@ -1,14 +1,13 @@
 //! Points of surfaces: self-intersection of spawned rays, shading frames, opacity.
 
-use crate::geometry::{
-    bumpy_sphere, direction, geometry_of, mesh_of, parts_of, point, rng, square,
-};
-use opsr::math::{Frame, Ray, Rgb, Vec2, Vec3};
-use opsr::scene::{
+use super::geometry::{bumpy_sphere, geometry_of, mesh_of, parts_of, square};
+use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
+use crate::scene::{
     AlphaMode, Geometry, Hit, Material, Mesh, Scene, SceneParts, Surface, Texture, TextureRef,
     TriangleId,
 };
-use opsr_lab::gallery::{materials, shapes};
+use crate::unit::lab::gallery::{materials, shapes};
+use crate::unit::support::draws::{direction, point, rng};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 

@@ -1,11 +1,11 @@
 //! Depth of field: rays of a lens, sources of lenses, and refusals.
 
-use super::support::assert_likely;
-use super::support::gltf::File;
-use opsr::math::{UVec2, Vec2, Vec3};
-use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::{Camera, Lens, Sensor};
-use opsr_lab::verify::chi_square::p_value;
+use crate::math::{UVec2, Vec2, Vec3};
+use crate::sampler::{Independent, SampleSource, Sampler, Seed};
+use crate::scene::{Camera, Lens, Sensor};
+use crate::unit::lab::verify::chi_square::p_value;
+use crate::unit::support::assert_likely;
+use crate::unit::support::gltf::File;
 use serde_json::{Value, json};
 
 const LENS: Lens = Lens {
@@ -24,7 +24,7 @@ fn lens_rays_of_a_film_position_meet_in_the_plane_of_focus() {
     for film in [Vec2::splat(0.5), Vec2::new(0.1, 0.8)] {
         let chief = camera.ray(film, 1.5);
         let depth = |p: Vec3| -(p - camera.position).dot(camera.frame.n);
-        let at = |ray: opsr::math::Ray, d: f32| {
+        let at = |ray: crate::math::Ray, d: f32| {
             ray.origin + ray.dir * ((d - depth(ray.origin)) / -ray.dir.dot(camera.frame.n))
         };
         // Uniform points of the lens form a uniform disk of radius R |1 − d/f| in the plane at distance d.

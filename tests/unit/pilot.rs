@@ -1,17 +1,17 @@
 //! The pilot that chooses the integrator.
 
-use super::support::render::scene;
-use opsr::image::film::Window;
-use opsr::integrator::Amounts;
-use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
-use opsr::integrator::{Settings, View};
-use opsr::math::UVec2;
-use opsr::pilot::stopwatch::Stopwatch;
-use opsr::pilot::{Contender, Horizon, choose_integrator};
-use opsr::regularise::{AttenuationTable, Rule};
-use opsr::scene::Scene;
-use opsr_lab::gallery::builtin;
+use crate::image::film::Window;
+use crate::integrator::Amounts;
+use crate::integrator::bidirectional::Radius;
+use crate::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
+use crate::integrator::{Settings, View};
+use crate::math::UVec2;
+use crate::pilot::stopwatch::Stopwatch;
+use crate::pilot::{Contender, Horizon, choose_integrator};
+use crate::regularise::{AttenuationTable, Rule};
+use crate::scene::Scene;
+use crate::unit::lab::gallery::builtin;
+use crate::unit::support::render::scene;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 fn view(scene: &Scene) -> View<'_> {

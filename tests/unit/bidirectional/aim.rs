@@ -4,14 +4,14 @@
 use super::scenes::{
     field, lamps_in_field, many_lamps, points_in_field, sky_in_field, sun_in_field,
 };
-use crate::support::render::{film_with, mean, scene};
-use opsr::image::film::{Film, Window};
-use opsr::integrator::bidirectional::{AimCache, Bidirectional, Radius, Strategies};
-use opsr::integrator::{Estimator, Integrator, Picture, Settings, View};
-use opsr::math::{Rgb, UVec2};
-use opsr::scene::{Aim, Scene, SceneParts};
-use opsr_lab::gallery;
-use opsr_lab::stats::agreement::agree;
+use crate::image::film::{Film, Window};
+use crate::integrator::bidirectional::{AimCache, Bidirectional, Radius, Strategies};
+use crate::integrator::{Estimator, Integrator, Picture, Settings, View};
+use crate::math::{Rgb, UVec2};
+use crate::scene::{Aim, Scene, SceneParts};
+use crate::unit::lab::gallery;
+use crate::unit::lab::stats::agreement::agree;
+use crate::unit::support::render::{film_with, mean, scene};
 
 const SIZE: UVec2 = UVec2::splat(24);
 

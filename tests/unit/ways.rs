@@ -1,14 +1,27 @@
 //! Paths and levels that follow both reflection and refraction at smooth glass, against a random choice of one.
 
 use super::levels::{SCALED, level_films, metal_room, scaled, settings, table};
-use super::support::render::{drawn, drawn_means, film_with, scene};
-use super::support::scenes::{point_light_over_plane, two_mirrors};
-use opsr::math::{Rgb, Vec3};
-use opsr::regularise::Rule;
-use opsr::scene::{Material, Scene};
-use opsr_lab::gallery::materials::{coated, glass};
-use opsr_lab::gallery::shapes::{quad, sphere};
-use opsr_lab::stats::agreement::agree;
+use crate::image::Film;
+use crate::integrator::Settings;
+use crate::math::{Rgb, UVec2, Vec3};
+use crate::regularise::Rule;
+use crate::scene::{Material, Scene};
+use crate::unit::lab::gallery::materials::{coated, glass};
+use crate::unit::lab::gallery::shapes::{quad, sphere};
+use crate::unit::lab::stats::agreement::agree;
+use crate::unit::support::render::{drawn, drawn_samples, film_with, scene};
+use crate::unit::support::scenes::{point_light_over_plane, two_mirrors};
+
+/// A film as [`drawn`] makes it, whose samples are means of `each` samples.
+fn drawn_means(scene: &Scene, settings: &Settings, size: u32, passes: u32, each: u32) -> Film {
+    let mut film = Film::new(UVec2::splat(size));
+    for pass in 0..passes {
+        let some = drawn_samples(scene, settings, size, pass * each..(pass + 1) * each);
+        let pairs = film.pixels.iter_mut().zip(&some.pixels);
+        pairs.for_each(|(pixel, m)| pixel.push(m.mean));
+    }
+    film
+}
 
 /// The room of rough metal behind a pane that reflects a third of the light, with a glass ball and a point light.
 fn glass_room() -> Scene {

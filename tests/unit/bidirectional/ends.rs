@@ -1,17 +1,17 @@
 //! Emission sampling and camera connections: samples against densities.
 
 use super::scenes::{panel, walls};
-use crate::support::assert_likely;
-use crate::support::render::scene;
-use opsr::image::Buffer;
-use opsr::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
-use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::{
+use crate::image::Buffer;
+use crate::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
+use crate::sampler::{Independent, SampleSource, Sampler, Seed};
+use crate::scene::{
     Aim, AimShares, Camera, EmissionSample, Environment, Lens, Material, Projection, PunctualLight,
     Scene, SceneParts, Sensor, Target,
 };
-use opsr_lab::gallery::materials::{diffuse, emitter};
-use opsr_lab::verify::chi_square::{integrate, p_value};
+use crate::unit::lab::gallery::materials::{diffuse, emitter};
+use crate::unit::lab::verify::chi_square::{integrate, p_value};
+use crate::unit::support::assert_likely;
+use crate::unit::support::render::scene;
 use std::f32::consts::PI;
 use std::f64::consts::TAU;
 

@@ -2,15 +2,15 @@
 //! wrong values.
 
 use super::scenes::{lit, point_lit, sheets, with_sphere};
-use crate::support::render::{film_with, scene};
-use opsr::image::Film;
-use opsr::integrator::bidirectional::{Radius, Strategies, Strategy};
-use opsr::integrator::{Estimator, Integrator, Picture, Settings, View};
-use opsr::math::{Rgb, UVec2};
-use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::{Material, Scene, SceneParts};
-use opsr_lab::gallery::materials::{coated, diffuse, metal};
-use opsr_lab::stats::agreement::agree;
+use crate::image::Film;
+use crate::integrator::bidirectional::{Radius, Strategies, Strategy};
+use crate::integrator::{Estimator, Integrator, Picture, Settings, View};
+use crate::math::{Rgb, UVec2};
+use crate::sampler::{Independent, SampleSource, Sampler, Seed};
+use crate::scene::{Material, Scene, SceneParts};
+use crate::unit::lab::gallery::materials::{coated, diffuse, metal};
+use crate::unit::lab::stats::agreement::agree;
+use crate::unit::support::render::{film_with, scene};
 
 const SIZE: u32 = 16;
 

@@ -1,25 +1,9 @@
 //! Films: moments, rejected samples, tiles, checkpoints.
 
-use opsr::image::film::{Cause, Film, FilmError, RejectedSample, Window};
-use opsr::math::{DVec3, Rgb, UVec2};
-use opsr::resolve::film_error;
-
-/// A cheap substitute for an estimator: uniform numbers that depend on pixel, sample, channel and seed.
-pub(crate) fn noise(pixel: UVec2, sample: u32, seed: u32) -> Rgb {
-    let pixel = u64::from(pixel.x) << 32 | u64::from(pixel.y);
-    let state = scramble(scramble(pixel) ^ (u64::from(seed) << 32 | u64::from(sample)));
-    Rgb::from_array(
-        [1, 2, 3].map(|c| (scramble(state.wrapping_add(c)) >> 40) as f32 / (1u32 << 24) as f32),
-    )
-}
-
-/// The generator splitmix64 started at `z`.
-fn scramble(z: u64) -> u64 {
-    let z = z.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
+use crate::image::film::{Cause, Film, FilmError, RejectedSample, Window};
+use crate::math::{DVec3, Rgb, UVec2};
+use crate::resolve::film_error;
+use crate::unit::support::draws::noise;
 
 /// Pushes the samples `from..to` to every pixel, tile by tile.
 fn render(film: &mut Film, edge: u32, from: u32, to: u32) {

@@ -1,20 +1,22 @@
 //! Several levels of roughening on the same paths.
 
-use super::support::render::{add_passes, film_with, scene};
-use super::support::scenes::{point_light_over_plane, two_mirrors};
-use opsr::image::film::Window;
-use opsr::image::level_film::LevelFilm;
-use opsr::image::{Buffer, Film};
-use opsr::integrator::{Amounts, Estimator, FirstHit, LevelError, Picture, SCALES, Settings, View};
-use opsr::math::moments::Moments;
-use opsr::math::{Rgb, UVec2, Vec3};
-use opsr::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
-use opsr::resolve::{Resolve, resolve_film, unseen_share};
-use opsr::scene::{PunctualLight, Scene, SceneParts};
-use opsr_lab::gallery::caustic_box;
-use opsr_lab::gallery::materials::{GOLD, diffuse, emitter, glass, metal};
-use opsr_lab::gallery::shapes::{quad, room, sphere};
-use opsr_lab::stats::agreement::agree;
+use crate::image::film::Window;
+use crate::image::level_film::LevelFilm;
+use crate::image::{Buffer, Film};
+use crate::integrator::{
+    Amounts, Estimator, FirstHit, LevelError, Picture, SCALES, Settings, View,
+};
+use crate::math::moments::Moments;
+use crate::math::{Rgb, UVec2, Vec3};
+use crate::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
+use crate::resolve::{Resolve, resolve_film, unseen_share};
+use crate::scene::{PunctualLight, Scene, SceneParts};
+use crate::unit::lab::gallery::caustic_box;
+use crate::unit::lab::gallery::materials::{GOLD, diffuse, emitter, glass, metal};
+use crate::unit::lab::gallery::shapes::{quad, room, sphere};
+use crate::unit::lab::stats::agreement::agree;
+use crate::unit::support::render::{add_passes, film_with, scene};
+use crate::unit::support::scenes::{point_light_over_plane, two_mirrors};
 
 /// A table whose factors depend on the bins.
 pub(super) fn table() -> Rule {
@@ -211,7 +213,7 @@ fn energy_conservation_of_lights_that_plain_path_tracing_cannot_see() {
     let settings = settings(Rule::constant(0.1), &[0.0, 1.0, 2.0], 4);
     settings.integrator().pass(&view, 0..256, &mut picture);
     let levels = picture.levels.as_ref().expect("levels");
-    let mean = |b: &opsr::image::Buffer| b.pixels.iter().map(|p| p.x).sum::<f32>();
+    let mean = |b: &crate::image::Buffer| b.pixels.iter().map(|p| p.x).sum::<f32>();
     let (plain, anchor, first) = (
         mean(&picture.film.mean()),
         mean(&levels.mean(0)),

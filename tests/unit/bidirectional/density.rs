@@ -1,13 +1,13 @@
 //! Photon density against known values, and its radius.
 
-use crate::support::render::{film_with, mean, scene};
-use crate::support::scenes::point_light_over_plane;
-use opsr::image::Film;
-use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::{Estimator, Settings, View};
-use opsr::math::UVec2;
-use opsr::scene::finish::{Clearcoat, Finish};
-use opsr::scene::{Camera, Material};
+use crate::image::Film;
+use crate::integrator::bidirectional::Radius;
+use crate::integrator::{Estimator, Settings, View};
+use crate::math::UVec2;
+use crate::scene::finish::{Clearcoat, Finish};
+use crate::scene::{Camera, Material};
+use crate::unit::support::render::{film_with, mean, scene};
+use crate::unit::support::scenes::point_light_over_plane;
 
 /// The plane under a point light; all pixels show the point below the light.
 fn foot(radius: f32, iterations: u32) -> (f64, f64) {
@@ -16,8 +16,8 @@ fn foot(radius: f32, iterations: u32) -> (f64, f64) {
     let at = camera.position;
     parts.cameras.push(Camera::look_at(
         at,
-        opsr::math::Vec3::ZERO,
-        opsr::math::Vec3::Y,
+        crate::math::Vec3::ZERO,
+        crate::math::Vec3::Y,
         1e-3,
     ));
     let settings = Settings {

@@ -1,19 +1,19 @@
 //! Scenes of many lights: the choice among them is unbiased, and of low variance.
 
-use super::support::assert_likely;
-use super::support::render::{film, film_with, mean, scene};
-use opsr::integrator::Settings;
-use opsr::math::{Ray, Rgb, UVec2, Vec2, Vec3};
-use opsr::regularise::Rule;
-use opsr::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
-use opsr::scene::{
+use crate::integrator::Settings;
+use crate::math::{Ray, Rgb, UVec2, Vec2, Vec3};
+use crate::regularise::Rule;
+use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
+use crate::scene::{
     Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, TriangleId,
 };
-use opsr_lab::gallery::materials::{diffuse, emitter};
-use opsr_lab::gallery::shapes::{Placing, cuboid, quad, room, sphere};
-use opsr_lab::stats::agreement::agree;
-use opsr_lab::verify::chi_square::p_value;
-use opsr_lab::verify::simple::Simple;
+use crate::unit::lab::gallery::materials::{diffuse, emitter};
+use crate::unit::lab::gallery::shapes::{Placing, cuboid, quad, room, sphere};
+use crate::unit::lab::stats::agreement::agree;
+use crate::unit::lab::verify::chi_square::p_value;
+use crate::unit::lab::verify::simple::Simple;
+use crate::unit::support::assert_likely;
+use crate::unit::support::render::{film, film_with, mean, scene};
 
 fn stream(seed: u64) -> IndependentStream {
     Independent { seed: Seed(seed) }.stream(UVec2::ZERO, 0)
@@ -166,7 +166,7 @@ fn all_light_kinds() -> SceneParts {
     parts
 }
 
-/// Number of lights, as [`opsr::scene::Lights::pmf`] counts them.
+/// Number of lights, as [`crate::scene::Lights::pmf`] counts them.
 fn count(scene: &Scene) -> usize {
     let parts = scene.parts();
     let environment = usize::from(parts.environment.is_some());
@@ -306,7 +306,7 @@ fn densities_of_light_samples_match_those_of_rays() {
 
 #[test]
 fn few_lights_are_chosen_by_power() {
-    let mut parts = opsr_lab::gallery::cornell_box();
+    let mut parts = crate::unit::lab::gallery::cornell_box();
     parts.environment = Some(Environment::constant(Rgb::ONE));
     let scene = scene(parts);
     for k in 0..3 {

@@ -1,9 +1,9 @@
 //! Phase functions: densities and samples against the cumulative distribution.
 
-use opsr::bsdf::{Bsdf, Phase};
-use opsr::math::{Frame, UVec2, Vec3};
-use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr_lab::verify::chi_square;
+use crate::bsdf::{Bsdf, Phase};
+use crate::math::{Frame, UVec2, Vec3};
+use crate::sampler::{Independent, SampleSource, Sampler, Seed};
+use crate::unit::lab::verify::chi_square;
 use std::f32::consts::TAU;
 
 const COSINES: [f32; 8] = [-0.95, -0.5, 0.0, 0.1, 0.5, 0.8, 0.95, 0.995];

@@ -1,15 +1,15 @@
 //! Learned roughening in the bidirectional estimators: one integrand for all strategies.
 
 use super::scenes::{lit, under_water};
-use crate::support::render::{film_with, mean, scene};
-use opsr::image::Film;
-use opsr::integrator::bidirectional::{Radius, Strategies};
-use opsr::integrator::{Estimator, Integrator, Picture, Settings, View};
-use opsr::math::{Rgb, UVec2};
-use opsr::regularise::{AttenuationTable, Rule};
-use opsr::scene::Scene;
-use opsr_lab::gallery::materials::{coated, metal};
-use opsr_lab::stats::agreement::agree;
+use crate::image::Film;
+use crate::integrator::bidirectional::{Radius, Strategies};
+use crate::integrator::{Estimator, Integrator, Picture, Settings, View};
+use crate::math::{Rgb, UVec2};
+use crate::regularise::{AttenuationTable, Rule};
+use crate::scene::Scene;
+use crate::unit::lab::gallery::materials::{coated, metal};
+use crate::unit::lab::stats::agreement::agree;
+use crate::unit::support::render::{film_with, mean, scene};
 
 const PATH: Estimator = Estimator::Path { reuse: false };
 

@@ -1,18 +1,18 @@
 //! Sobol points against independent samples: the same pictures, less noise, correct batch variances.
 
-use super::support::render::{film_with, scene};
-use super::support::scenes::two_mirrors;
-use opsr::image::Film;
-use opsr::image::level_film::BATCHES;
-use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
-use opsr::math::moments::Moments;
-use opsr::math::{Rgb, UVec2};
-use opsr::regularise::Rule;
-use opsr::sampler::{CameraSource, SampleSource, Sampler, SamplerKind, Seed};
-use opsr::scene::{Lens, Scene};
-use opsr_lab::gallery::{area_light_over_plane, caustic_box, cornell_box, furnace_sphere};
-use opsr_lab::stats::agreement::agree;
+use crate::image::Film;
+use crate::image::level_film::BATCHES;
+use crate::integrator::bidirectional::Radius;
+use crate::integrator::{Amounts, Estimator, Picture, Settings, View};
+use crate::math::moments::Moments;
+use crate::math::{Rgb, UVec2};
+use crate::regularise::Rule;
+use crate::sampler::{CameraSource, SampleSource, Sampler, SamplerKind, Seed};
+use crate::scene::{Lens, Scene};
+use crate::unit::lab::gallery::{area_light_over_plane, caustic_box, cornell_box, furnace_sphere};
+use crate::unit::lab::stats::agreement::agree;
+use crate::unit::support::render::{film_with, scene};
+use crate::unit::support::scenes::two_mirrors;
 
 fn settings(sampler: SamplerKind, seed: u64) -> Settings {
     Settings {

@@ -1,20 +1,21 @@
 //! Instances that share a mesh, against transformed copies of the mesh.
 
-use super::geometry::{bumpy_sphere, direction, point, rng};
-use super::support::gltf::File;
-use super::support::render::film_with;
-use glam::{Affine2, DAffine3, DQuat, DVec3, Vec2, Vec4};
-use opsr::integrator::Settings;
-use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::method::IntegratorKind;
-use opsr::math::{Ray, Rgb, Vec3};
-use opsr::scene::{
+use super::geometry::bumpy_sphere;
+use crate::integrator::Settings;
+use crate::integrator::bidirectional::Radius;
+use crate::integrator::method::IntegratorKind;
+use crate::math::{Ray, Rgb, Vec3};
+use crate::scene::{
     AlphaMode, Geometry, Material, Mesh, Scene, SceneParts, SharedMesh, Texture, TextureRef,
     TriangleId,
 };
-use opsr_lab::gallery::materials::{diffuse, emitter, glass, metal};
-use opsr_lab::gallery::shapes::{quad, room, sphere};
-use opsr_lab::stats::agreement::agree;
+use crate::unit::lab::gallery::materials::{diffuse, emitter, glass, metal};
+use crate::unit::lab::gallery::shapes::{quad, room, sphere};
+use crate::unit::lab::stats::agreement::agree;
+use crate::unit::support::draws::{direction, point, rng};
+use crate::unit::support::gltf::{grid, spread};
+use crate::unit::support::render::film_with;
+use glam::{Affine2, DAffine3, DQuat, DVec3, Vec2, Vec4};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 use serde_json::json;
@@ -484,39 +485,6 @@ fn instances_that_cannot_be_are_dropped_and_counted() {
         words.contains("shared mesh 0: dropped 3 of 4 instances"),
         "{words}"
     );
-}
-
-/// A file with a grid of triangles, and two materials, the second of which emits.
-pub(crate) fn grid(edge: u16) -> File {
-    let mut file = File::of(|file| {
-        let at = |i: u16| f32::from(i) / f32::from(edge);
-        let corners = (0..=edge).flat_map(|y| (0..=edge).map(move |x| [at(x), 0.0, at(y)]));
-        let positions: Vec<f32> = corners.flatten().collect();
-        let index = |x: u16, y: u16| y * (edge + 1) + x;
-        let faces = (0..edge).flat_map(|y| {
-            (0..edge).flat_map(move |x| {
-                let [a, b, c, d] =
-                    [(x, y), (x, y + 1), (x + 1, y + 1), (x + 1, y)].map(|(x, y)| index(x, y));
-                [a, b, c, a, c, d]
-            })
-        });
-        let faces: Vec<u16> = faces.collect();
-        json!({ "attributes": { "POSITION": file.floats("VEC3", &positions) }, "indices": file.indices(&faces), "material": 0 })
-    });
-    file.json["materials"] = json!([{}, { "emissiveFactor": [1, 1, 1] }]);
-    file.json["extensionsUsed"] = json!(["EXT_mesh_gpu_instancing"]);
-    file
-}
-
-/// Puts this many instances of mesh 0 on a node.
-pub(crate) fn spread(file: &mut File, count: usize) {
-    let places: Vec<f32> = (0..count)
-        .flat_map(|i| [(i % 100) as f32, 0.0, (i / 100) as f32])
-        .collect();
-    let places = file.floats("VEC3", &places);
-    let extension =
-        json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": places } } });
-    file.json["nodes"][0]["extensions"] = extension;
 }
 
 #[test]

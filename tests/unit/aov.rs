@@ -1,18 +1,18 @@
 //! AOVs and traced paths against their picture.
 
-use crate::support::render;
-use crate::support::scenes::point_light_over_plane;
-use opsr::image::film::{Film, Window};
-use opsr::integrator::trace::trace;
-use opsr::integrator::{
+use crate::image::film::{Film, Window};
+use crate::integrator::trace::trace;
+use crate::integrator::{
     Aovs, Centres, FirstHit, LightSplit, Picture, PixelTime, Recorded, Settings, View,
 };
-use opsr::math::{Rgb, UVec2, Vec2};
-use opsr::regularise::{Accumulated, Factors, Rule};
-use opsr::sampler::{Independent, Seed};
-use opsr::scene::Scene;
-use opsr::scene::finish::{Clearcoat, SheenCover};
-use opsr_lab::gallery;
+use crate::math::{Rgb, UVec2, Vec2};
+use crate::regularise::{Accumulated, Factors, Rule};
+use crate::sampler::{Independent, Seed};
+use crate::scene::Scene;
+use crate::scene::finish::{Clearcoat, SheenCover};
+use crate::unit::lab::gallery;
+use crate::unit::support::render;
+use crate::unit::support::scenes::point_light_over_plane;
 
 const SIZE: UVec2 = UVec2::new(20, 18);
 
@@ -68,11 +68,11 @@ fn aov_light_split_adds_up_and_equals_short_paths() {
         let light = whole.aovs.as_ref().and_then(|a| a.light.as_ref()).unwrap();
         let (emission, direct) = (light.emission(), light.direct());
         let indirect = light.indirect(&whole.film);
-        let sum = |b: &opsr::image::Buffer| b.pixels.iter().map(|p| p.element_sum()).sum::<f32>();
+        let sum = |b: &crate::image::Buffer| b.pixels.iter().map(|p| p.element_sum()).sum::<f32>();
         assert!(sum(&emission) > 0.0 && sum(&direct) > 0.0 && sum(&indirect) > 0.0);
         for (i, total) in whole.film.mean().pixels.iter().enumerate() {
             let once = emission.pixels[i] + direct.pixels[i];
-            let close = |a: opsr::math::Rgb, b: opsr::math::Rgb| {
+            let close = |a: crate::math::Rgb, b: crate::math::Rgb| {
                 (a - b).abs().max_element() <= 1e-5 * (1.0 + b.max_element())
             };
             assert!(
@@ -201,11 +201,11 @@ fn trace_of_a_pixel_equals_its_samples() {
         tracer.estimate(&view, &Independent { seed }, 0..8, &mut film, &mut ());
         for (x, y) in [(3, 4), (10, 9), (10, 13), (19, 17)] {
             let paths = trace(&settings, &view, UVec2::new(x, y), 0..8).unwrap();
-            let mut moments = opsr::math::moments::Moments::default();
+            let mut moments = crate::math::moments::Moments::default();
             for path in &paths {
                 moments.push(path.radiance.as_dvec3());
                 let light = path.vertices.iter().map(|v| v.light);
-                let sum = path.emission + light.sum::<opsr::math::Rgb>();
+                let sum = path.emission + light.sum::<crate::math::Rgb>();
                 let off = (sum - path.radiance).abs().max_element();
                 assert!(
                     off <= 1e-5 * (1.0 + path.radiance.max_element()),

@@ -1,29 +1,10 @@
 //! The bounding volume hierarchy: agreement with brute force, watertightness, determinism.
 
-use opsr::math::{Ray, Vec3};
-use opsr::scene::accel::Accel;
-use opsr::scene::{Geometry, Material, Mesh, SceneParts, TriangleId};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg32;
-
-pub(crate) fn rng(seed: u64) -> Pcg32 {
-    Pcg32::seed_from_u64(seed)
-}
-
-pub(crate) fn point(rng: &mut Pcg32, size: f32) -> Vec3 {
-    let mut x = || (rng.random::<f32>() * 2.0 - 1.0) * size;
-    Vec3::new(x(), x(), x())
-}
-
-pub(crate) fn direction(rng: &mut Pcg32) -> Vec3 {
-    loop {
-        let p = point(rng, 1.0);
-        let r = p.length();
-        if r > 0.1 && r < 1.0 {
-            return p / r;
-        }
-    }
-}
+use crate::math::{Ray, Vec3};
+use crate::scene::accel::Accel;
+use crate::scene::{Geometry, Material, Mesh, SceneParts, TriangleId};
+use crate::unit::support::draws::{direction, point, rng};
+use rand::RngExt;
 
 /// Small random triangles in a cube of half size `size`, with edges up to `edge`.
 fn soup(seed: u64, count: usize, size: f32, edge: f32) -> Vec<[Vec3; 3]> {
@@ -303,7 +284,7 @@ fn bvh_avx2_and_portable_traversal_are_bit_identical() {
             if rng.random::<f32>() < 0.5 {
                 ray.t_max = rng.random();
             }
-            let bits = |hit: Option<opsr::scene::Hit>| {
+            let bits = |hit: Option<crate::scene::Hit>| {
                 hit.map(|h| (h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits()))
             };
             assert_eq!(
