@@ -185,7 +185,7 @@ impl Payload {
     }
 
     /// Reads this many bytes; a file that has become shorter is an error.
-    pub fn read(&mut self, bytes: &mut [u8]) -> Result<(), Problem> {
+    pub(crate) fn read(&mut self, bytes: &mut [u8]) -> Result<(), Problem> {
         self.left = self.left.saturating_sub(bytes.len() as u64);
         self.file.read_exact(bytes).map_err(Problem::Read)?;
         self.sha256.update(bytes);

@@ -380,17 +380,6 @@ impl Film {
             .map(|error| error.length() / mean)
     }
 
-    /// Adds all samples of `other`, which must have the same window.
-    pub fn merge(&mut self, other: &Self) -> Result<(), FilmError> {
-        self.same_place(other)?;
-        for (a, b) in self.pixels.iter_mut().zip(&other.pixels) {
-            a.merge(b);
-        }
-        self.rejected.append(&other.rejected);
-        self.sharing.merge(&other.sharing);
-        Ok(())
-    }
-
     /// An error unless both films have the same window of the same frame.
     pub fn same_place(&self, other: &Self) -> Result<(), FilmError> {
         if self.size != other.size || self.window != other.window {
@@ -484,7 +473,11 @@ impl Film {
     }
 
     /// The film of these [`Film::numbers`], without refusals.
-    pub fn from_numbers(size: UVec2, window: Window, numbers: &[f64]) -> Result<Self, FilmError> {
+    pub(crate) fn from_numbers(
+        size: UVec2,
+        window: Window,
+        numbers: &[f64],
+    ) -> Result<Self, FilmError> {
         let (pixels, rest) = numbers.as_chunks::<{ Self::NUMBERS }>();
         // Compared before memory is allocated: a damaged window could declare any size.
         if pixels.len() != window.len() || !rest.is_empty() {

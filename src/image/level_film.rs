@@ -29,7 +29,7 @@ pub(crate) type Features = [f32; FEATURES];
 pub const FEATURES: usize = 11;
 
 /// Most levels of a film.
-pub const MAX_LEVELS: usize = 8;
+pub(crate) const MAX_LEVELS: usize = 8;
 
 /// Samples of a batch after which its sums are carried over. It limits the error of a single-precision sum to 0.05 %,
 /// and that of a sum of features over all batches to 0.2 %.
@@ -341,7 +341,7 @@ impl LevelFilm {
     }
 
     /// Means of the features.
-    pub fn features(&self) -> Vec<Features> {
+    pub(crate) fn features(&self) -> Vec<Features> {
         self.features_of(&self.window)
     }
 
@@ -416,7 +416,7 @@ impl LevelFilm {
 
     /// The film with samples in the first `self.batches()` batches of every pixel and in no others. A batch of which
     /// all samples were refused gets the pixel's mean. `None` for fewer than two batches, as in films of one sample.
-    pub fn complete(&self) -> Option<Cow<'_, Self>> {
+    pub(crate) fn complete(&self) -> Option<Cow<'_, Self>> {
         let batches = self.batches();
         if batches < 2 {
             return None;
@@ -540,7 +540,7 @@ impl LevelFilm {
     /// Little endian: the magic word, the number of levels, then by pixel four counts, eleven features and the sums,
     /// batch by batch. If sums were carried over, the magic word differs, and by pixel eleven features and the high
     /// parts follow.
-    pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
+    pub(crate) fn write(&self, out: &mut impl Write) -> io::Result<()> {
         let carried = self.carried.as_ref();
         out.write_all(carried.map_or(MAGIC, |_| MAGIC_CARRIED))?;
         out.write_all(&(self.levels as u32).to_le_bytes())?;
@@ -561,7 +561,11 @@ impl LevelFilm {
     }
 
     /// Reads a film of this frame and window from the front of `bytes`, and advances `bytes` past it.
-    pub fn read(size: UVec2, window: Window, bytes: &mut &[u8]) -> Result<Self, &'static str> {
+    pub(crate) fn read(
+        size: UVec2,
+        window: Window,
+        bytes: &mut &[u8],
+    ) -> Result<Self, &'static str> {
         let cut = || "the levels are cut short";
         let (magic, rest) = bytes.split_first_chunk::<8>().ok_or_else(cut)?;
         let is_carried = magic == MAGIC_CARRIED;

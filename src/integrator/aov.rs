@@ -128,17 +128,8 @@ impl Aovs {
         })
     }
 
-    /// The parts that are recorded.
-    pub fn recorded(&self) -> Recorded {
-        Recorded {
-            first: self.first.is_some(),
-            light: self.light.is_some(),
-            time: self.time.is_some(),
-        }
-    }
-
     /// All values, for a checkpoint: those of the first surface, of light, and of time.
-    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> {
         let first = self.first.iter().flat_map(FirstHit::numbers);
         let light = self.light.iter().flat_map(LightSplit::numbers);
         first
@@ -147,7 +138,11 @@ impl Aovs {
     }
 
     /// The inverse of [`Aovs::numbers`] for these parts; `None` if their count is wrong.
-    pub fn from_numbers(window: Window, recorded: Recorded, numbers: &[f64]) -> Option<Self> {
+    pub(crate) fn from_numbers(
+        window: Window,
+        recorded: Recorded,
+        numbers: &[f64],
+    ) -> Option<Self> {
         let ends = recorded.numbers_by_part().map(|each| each * window.len());
         let (first, rest) = numbers.split_at_checked(ends[0])?;
         let (light, time) = rest.split_at_checked(ends[1])?;
@@ -376,7 +371,7 @@ pub struct LightSplit {
 
 impl LightSplit {
     /// An empty record of a window of the frame.
-    pub fn new(window: Window) -> Self {
+    pub(crate) fn new(window: Window) -> Self {
         Self {
             sums: vec![LightSums::default(); window.len()],
             log: Log::new(window),
@@ -385,17 +380,17 @@ impl LightSplit {
     }
 
     /// Mean radiance straight from emitters and the environment.
-    pub fn emission(&self) -> Buffer {
+    pub(crate) fn emission(&self) -> Buffer {
         self.buffer(|s| s.emission / f64::from(s.samples.max(1)))
     }
 
     /// Mean radiance that was scattered once.
-    pub fn direct(&self) -> Buffer {
+    pub(crate) fn direct(&self) -> Buffer {
         self.buffer(|s| s.direct / f64::from(s.samples.max(1)))
     }
 
     /// Mean radiance that was scattered more often: the rest of the film of the same paths.
-    pub fn indirect(&self, film: &Film) -> Buffer {
+    pub(crate) fn indirect(&self, film: &Film) -> Buffer {
         let pairs = self.sums.iter().zip(&film.pixels);
         let rest =
             pairs.map(|(s, m)| m.mean - (s.emission + s.direct) / f64::from(s.samples.max(1)));
@@ -484,7 +479,7 @@ pub struct PixelTime {
 
 impl PixelTime {
     /// An empty record of a window of the frame.
-    pub fn new(window: Window) -> Self {
+    pub(crate) fn new(window: Window) -> Self {
         Self {
             seconds: vec![0.0; window.len()],
             started: None,
@@ -493,7 +488,7 @@ impl PixelTime {
     }
 
     /// Seconds spent on each pixel, summed over its paths.
-    pub fn seconds(&self) -> Vec<f32> {
+    pub(crate) fn seconds(&self) -> Vec<f32> {
         self.seconds.iter().map(|&s| s as f32).collect()
     }
 }
@@ -546,7 +541,7 @@ pub struct Centres {
 
 impl Centres {
     /// Traces one ray per pixel of the view.
-    pub fn of(view: &View<'_>) -> Self {
+    pub(crate) fn of(view: &View<'_>) -> Self {
         let mesh = |s: &Surface| view.scene.geometry().triangle_mesh(s.triangle);
         let found: Vec<(Vec3, [f32; 2])> = (0..view.window.len())
             .into_par_iter()

@@ -171,7 +171,7 @@ impl Settings {
 
     /// The bidirectional path tracer of these settings with these strategies, without merging; of the rules it supports
     /// the mollifier and accumulated roughness.
-    pub fn bidirectional(&self, strategies: Strategies) -> Bidirectional {
+    pub(crate) fn bidirectional(&self, strategies: Strategies) -> Bidirectional {
         Bidirectional {
             strategies,
             merging: None,

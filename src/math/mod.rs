@@ -34,11 +34,6 @@ impl Ray {
             t_max: f32::INFINITY,
         }
     }
-
-    /// Point at distance `t`.
-    pub fn at(&self, t: f32) -> Vec3 {
-        self.origin + t * self.dir
-    }
 }
 
 /// Rec. 709 luminance of linear RGB.

@@ -27,7 +27,7 @@ pub struct Moments {
 
 impl Moments {
     /// Moments with this count, mean and sum of squared deviations from the mean.
-    pub fn from_parts(n: u32, mean: DVec3, m2: DVec3) -> Self {
+    pub(crate) fn from_parts(n: u32, mean: DVec3, m2: DVec3) -> Self {
         Self { n, mean, m2 }
     }
 

@@ -305,7 +305,7 @@ pub(crate) fn left_after(time: Duration, spent: Duration) -> Duration {
 ///
 /// `None` if `go_on`, which is called before every small render, returns false. Fails if the window is not inside the
 /// frame.
-pub fn choose_integrator(
+pub(crate) fn choose_integrator(
     contenders: &[Contender],
     view: &View<'_>,
     horizon: Horizon,

@@ -274,7 +274,7 @@ pub struct CameraSource {
 
 impl CameraSource {
     /// Numbers of a render with this seed. Samples n, n + `batches`, n + 2 `batches`, … are independent of all others.
-    pub fn new(kind: SamplerKind, seed: Seed, batches: u32) -> Self {
+    pub(crate) fn new(kind: SamplerKind, seed: Seed, batches: u32) -> Self {
         let independent = Independent {
             seed: seed.derive(Domain::Camera, 0),
         };

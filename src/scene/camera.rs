@@ -178,7 +178,7 @@ impl Camera {
     /// over the aperture is Kolb's, Mitchell's and Hanrahan's thin lens (*A Realistic Camera Model for Computer
     /// Graphics*, 1995) without vignetting.
     #[inline]
-    pub fn ray_through(&self, lens: Lens, film: Vec2, aspect: f32, u: Vec2) -> Ray {
+    pub(crate) fn ray_through(&self, lens: Lens, film: Vec2, aspect: f32, u: Vec2) -> Ray {
         let chief = self.ray(film, aspect);
         let target = chief.origin + chief.dir * (lens.focus / -chief.dir.dot(self.frame.n));
         let point = lens.point(u);

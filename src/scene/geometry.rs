@@ -190,13 +190,8 @@ pub(super) fn add_faces(
 }
 
 impl Geometry {
-    /// Collects the triangles of all meshes and builds the trees.
-    pub fn new(parts: &SceneParts, warnings: &mut Vec<String>) -> Self {
-        Self::build(parts, true, warnings)
-    }
-
     /// Collects the triangles of all meshes, with or without a tree over those that are not shared.
-    pub(super) fn build(parts: &SceneParts, tree: bool, warnings: &mut Vec<String>) -> Self {
+    pub(crate) fn build(parts: &SceneParts, tree: bool, warnings: &mut Vec<String>) -> Self {
         let most = parts.meshes.iter().map(|mesh| mesh.indices.len()).sum();
         let mut faces: Vec<Face> = Vec::with_capacity(most);
         let mut dropped = Dropped::default();
@@ -259,12 +254,12 @@ impl Geometry {
     }
 
     /// True if there is no triangle.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// Number of triangles that no instances share: the first in scene order, and the only ones that emit.
-    pub fn single(&self) -> usize {
+    pub(crate) fn single(&self) -> usize {
         self.triangles.len()
     }
 
@@ -344,7 +339,7 @@ impl Geometry {
 
     /// Texture coordinates of a triangle's corners; zero where the mesh has none.
     #[inline]
-    pub fn triangle_uvs(&self, parts: &SceneParts, i: TriangleId) -> [Vec2; 3] {
+    pub(crate) fn triangle_uvs(&self, parts: &SceneParts, i: TriangleId) -> [Vec2; 3] {
         let (mesh, indices) = match self.triangles.get(i.index() as usize) {
             Some(triangle) => {
                 let mesh = &parts.meshes[triangle.mesh as usize];
@@ -370,14 +365,14 @@ impl Geometry {
 
     /// Area of a triangle.
     #[inline]
-    pub fn triangle_area(&self, i: TriangleId) -> f32 {
+    pub(crate) fn triangle_area(&self, i: TriangleId) -> f32 {
         let [a, b, c] = self.triangle(i);
         (0.5 * normal(a, b, c).length()) as f32
     }
 
     /// Unit normal of a triangle, towards its front.
     #[inline]
-    pub fn triangle_normal(&self, i: TriangleId) -> Vec3 {
+    pub(crate) fn triangle_normal(&self, i: TriangleId) -> Vec3 {
         let [a, b, c] = self.triangle(i);
         normal(a, b, c).normalize().as_vec3()
     }
@@ -406,7 +401,7 @@ impl Geometry {
 
     /// Closest hit, without hits that opacity removes.
     #[inline]
-    pub fn intersect(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
+    pub(crate) fn intersect(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
         match self.traversal {
             // The surface at the closest hit is computed next: its triangle is prefetched during the traversal.
             Traversal::Plain => self.accel.closest_where(ray, |hit| {
@@ -523,7 +518,7 @@ impl Geometry {
 
     /// True if there is a hit before the ray's end.
     #[inline]
-    pub fn occluded(&self, parts: &SceneParts, ray: &Ray) -> bool {
+    pub(crate) fn occluded(&self, parts: &SceneParts, ray: &Ray) -> bool {
         match self.traversal {
             Traversal::Plain => self.accel.any(ray),
             Traversal::Cutouts => (self.accel).any_where(ray, |hit| self.present(parts, ray, hit)),
@@ -538,7 +533,7 @@ impl Geometry {
 
     /// Interpolates the surface at a hit. It does not depend on the ray's direction: camera paths and light paths find
     /// the same surface at a point.
-    pub fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
+    pub(crate) fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
         match self.triangles.get(hit.triangle.index() as usize) {
             Some(triangle) => triangle.surface(parts, hit, &InWorld),
             None => self.shared().surface(parts, hit),
@@ -1005,7 +1000,7 @@ mod tests {
         poses(1, 3);
         poses(0, 2);
         poses(1, 4);
-        let geometry = Geometry::new(&parts, &mut Vec::new());
+        let geometry = Geometry::build(&parts, true, &mut Vec::new());
         let every = |run: Run| run.every(0, 1);
         let all: Vec<TriangleId> = geometry.runs().into_iter().flat_map(every).collect();
         assert!(all.is_sorted() && all.len() == geometry.len());

@@ -17,19 +17,19 @@ impl TriangleId {
 
     /// A triangle that no instances share.
     #[inline(always)]
-    pub const fn single(index: u32) -> Self {
+    pub(crate) const fn single(index: u32) -> Self {
         Self::new(0, index)
     }
 
     /// Number of the instance, from 1; 0 for a triangle that no instances share.
     #[inline(always)]
-    pub const fn instance(self) -> u32 {
+    pub(crate) const fn instance(self) -> u32 {
         (self.0 >> 32) as u32
     }
 
     /// Index among the triangles in memory: those that no instances share, then those of each shared mesh once.
     #[inline(always)]
-    pub const fn index(self) -> u32 {
+    pub(crate) const fn index(self) -> u32 {
         self.0 as u32
     }
 

@@ -229,7 +229,7 @@ impl Scene {
 
     /// Rank of a material: where bodies overlap, the material of the highest rank counts.
     #[inline]
-    pub fn rank(&self, material: u32) -> u32 {
+    pub(crate) fn rank(&self, material: u32) -> u32 {
         self.ranks[material as usize]
     }
 

@@ -55,7 +55,7 @@ impl PixelCone {
 
 /// Density of a camera ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RayDensity {
+pub(crate) struct RayDensity {
     /// Per steradian for a pinhole, per area across the ray if `parallel`.
     pub pdf: f32,
     /// True if the camera's rays, through one point of a lens, are parallel.
@@ -75,7 +75,7 @@ impl Sighting {
     /// Density per area, on a surface whose absolute cosine with `wo` is `cos`, with which the rays of the pixel hit
     /// it. A pixel's response integrates to 1, so this is also the factor that turns radiance into pixel values.
     #[inline]
-    pub fn pdf_area(&self, cos: f32) -> f32 {
+    pub(crate) fn pdf_area(&self, cos: f32) -> f32 {
         if self.parallel {
             self.pdf * cos
         } else {
@@ -95,7 +95,7 @@ impl Sensor<'_> {
     /// A ray through a point of the frame, and with a lens through the point that `u`, uniform in [0, 1)², chooses on
     /// it. Without a lens `u` is not called.
     #[inline]
-    pub fn sample_ray(&self, point: Vec2, u: impl FnOnce() -> Vec2) -> Ray {
+    pub(crate) fn sample_ray(&self, point: Vec2, u: impl FnOnce() -> Vec2) -> Ray {
         match self.camera.lens {
             None => self.ray(point),
             Some(lens) => {
@@ -107,14 +107,14 @@ impl Sensor<'_> {
 
     /// The point of the lens that `u`, uniform in [0, 1)², chooses, from its middle. Without a lens `u` is not called.
     #[inline]
-    pub fn lens_point(&self, u: impl FnOnce() -> Vec2) -> Vec2 {
+    pub(crate) fn lens_point(&self, u: impl FnOnce() -> Vec2) -> Vec2 {
         self.camera.lens.map_or(Vec2::ZERO, |lens| lens.point(u()))
     }
 
     /// Density of a ray along `dir` among the rays through one pixel and, if there is a lens, one point of it. Its
     /// integral over the pixel is 1.
     #[inline]
-    pub fn pdf(&self, dir: Vec3) -> RayDensity {
+    pub(crate) fn pdf(&self, dir: Vec3) -> RayDensity {
         let rows = self.frame.y as f32;
         match self.camera.projection {
             Projection::Perspective { tan_half_y } => {
@@ -148,7 +148,7 @@ impl Sensor<'_> {
     /// The pixel that sees a point through a [point of the lens](Self::lens_point), if nothing stands between. `None`
     /// for points outside the frame or behind the camera; pixels are half open.
     #[inline]
-    pub fn see(&self, point: Vec3, through: Vec2) -> Option<Sighting> {
+    pub(crate) fn see(&self, point: Vec3, through: Vec2) -> Option<Sighting> {
         let size = self.frame.as_vec2();
         let (film, wo, distance) = (self.camera).project(point, size.x / size.y, through)?;
         let place = (film * size).floor();

@@ -229,3 +229,14 @@ fn trace_of_a_pixel_equals_its_samples() {
     }
     assert!(roughened > 0);
 }
+
+impl Aovs {
+    /// The parts that are recorded.
+    fn recorded(&self) -> Recorded {
+        Recorded {
+            first: self.first.is_some(),
+            light: self.light.is_some(),
+            time: self.time.is_some(),
+        }
+    }
+}

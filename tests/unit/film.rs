@@ -1,6 +1,6 @@
 //! Films: moments, rejected samples, tiles, checkpoints.
 
-use crate::image::film::{Cause, Film, FilmError, RejectedSample, Window};
+use crate::image::film::{Cause, Film, RejectedSample, Window};
 use crate::math::{DVec3, Rgb, UVec2};
 use crate::resolve::film_error;
 use crate::unit::support::draws::noise;
@@ -136,28 +136,6 @@ fn film_variances_beyond_single_precision_are_clipped_and_counted() {
         assert!(picture.pixels.iter().all(|p| p.is_finite()));
         assert!(picture.pixels[1].x < f32::MAX && picture.pixels[2] == Rgb::ZERO);
     }
-}
-
-#[test]
-fn film_merge_equals_all_samples() {
-    let size = UVec2::new(6, 5);
-    let (mut a, mut b, mut all) = (Film::new(size), Film::new(size), Film::new(size));
-    render(&mut a, 8, 0, 10);
-    render(&mut b, 8, 10, 64);
-    render(&mut all, 8, 0, 64);
-    a.merge(&b).unwrap();
-    for (m, w) in a.pixels.iter().zip(&all.pixels) {
-        assert_eq!(m.n, w.n);
-        assert!((m.mean - w.mean).abs().max_element() < 1e-14);
-        assert!(
-            (m.sample_variance() - w.sample_variance())
-                .abs()
-                .max_element()
-                < 1e-14
-        );
-    }
-    let other = Film::new(UVec2::new(5, 6));
-    assert!(matches!(a.merge(&other), Err(FilmError::Differ { .. })));
 }
 
 #[test]

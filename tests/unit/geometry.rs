@@ -79,7 +79,7 @@ pub(crate) fn parts_of(meshes: Vec<Mesh>) -> SceneParts {
 
 pub(crate) fn geometry_of(parts: &SceneParts) -> Geometry {
     let mut warnings = Vec::new();
-    let geometry = Geometry::new(parts, &mut warnings);
+    let geometry = Geometry::build(parts, true, &mut warnings);
     assert!(warnings.is_empty(), "{warnings:?}");
     geometry
 }
@@ -225,7 +225,7 @@ fn degenerate_triangles_are_dropped_and_counted() {
     bad.indices.push([0, 1, 999]);
     let parts = parts_of(vec![mesh_of(&square(1.0, 1.0)), bad]);
     let mut warnings = Vec::new();
-    let geometry = Geometry::new(&parts, &mut warnings);
+    let geometry = Geometry::build(&parts, true, &mut warnings);
     assert_eq!(geometry.len(), 4);
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     assert!(

@@ -19,3 +19,10 @@ mod surface;
 mod ways;
 
 pub(crate) use lab::gallery::{materials, shapes};
+
+impl crate::math::Ray {
+    /// The point at distance `t`.
+    pub(crate) fn at(&self, t: f32) -> crate::math::Vec3 {
+        self.origin + t * self.dir
+    }
+}

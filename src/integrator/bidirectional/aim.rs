@@ -67,7 +67,7 @@ const EASY_WEIGHT: f64 = 0.05;
 impl Bidirectional {
     /// Aim of the light paths of a view, the same for every window of its frame, as
     /// [`Integrator::pass`](crate::integrator::Integrator::pass) computes it.
-    pub fn aim(&self, view: &View<'_>) -> Arc<Aim> {
+    pub(crate) fn aim(&self, view: &View<'_>) -> Arc<Aim> {
         let View { sensor, scene, .. } = view;
         let whole = Window::full(sensor.frame);
         let whole = View::new(scene, sensor.camera, sensor.frame, whole);

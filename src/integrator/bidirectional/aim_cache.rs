@@ -17,15 +17,8 @@ struct CachedAim {
 }
 
 impl AimCache {
-    /// A cache with a given aim for the camera and frame of a view.
-    pub fn fixed(view: &View<'_>, aim: Aim) -> Self {
-        let cache = Self::default();
-        cache.aim(view, || aim);
-        cache
-    }
-
     /// The aim for the camera and frame of a view, from the cache or else from `find`.
-    pub(super) fn aim(&self, view: &View<'_>, find: impl FnOnce() -> Aim) -> Arc<Aim> {
+    pub(crate) fn aim(&self, view: &View<'_>, find: impl FnOnce() -> Aim) -> Arc<Aim> {
         let sensor = &view.sensor;
         let lock = || self.0.lock().unwrap_or_else(|e| e.into_inner());
         let same = |kept: &&CachedAim| kept.frame == sensor.frame && kept.camera == *sensor.camera;

@@ -38,7 +38,7 @@ impl Radius {
     };
 
     /// Radius of iteration `sample`, counted from 0, where `first` is that of iteration 0.
-    pub fn at(&self, first: f32, sample: u32) -> f32 {
+    pub(crate) fn at(&self, first: f32, sample: u32) -> f32 {
         let shrink = (f64::from(sample) + 1.0).powf(0.5 * (f64::from(self.alpha) - 1.0));
         (f64::from(first) * shrink) as f32
     }

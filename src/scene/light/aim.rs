@@ -42,7 +42,7 @@ pub struct Aim {
 
 impl Aim {
     /// Beams, fewer than 256, and the index of each light's beam. A light whose beam is `None` emits uniformly.
-    pub fn new(beams: Vec<Option<AimShares>>, of_light: Vec<u8>) -> Self {
+    pub(crate) fn new(beams: Vec<Option<AimShares>>, of_light: Vec<u8>) -> Self {
         if beams.iter().all(Option::is_none) {
             return Self::default();
         }
@@ -50,7 +50,7 @@ impl Aim {
     }
 
     /// True if all light is emitted uniformly.
-    pub fn is_uniform(&self) -> bool {
+    pub(crate) fn is_uniform(&self) -> bool {
         self.of_light.is_empty()
     }
 
@@ -119,7 +119,7 @@ impl Target {
 
 impl AimShares {
     /// A beam with these shares at its targets, all together at most 1 − `MIN_UNIFORM`.
-    pub fn new(targets: Vec<(Target, f32)>) -> Self {
+    pub(crate) fn new(targets: Vec<(Target, f32)>) -> Self {
         let aimed: f32 = targets.iter().map(|(_, share)| share).sum();
         debug_assert!(aimed <= 1.0 - MIN_UNIFORM + 1e-5);
         Self {

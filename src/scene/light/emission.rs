@@ -88,7 +88,7 @@ impl Sphere {
 impl Lights {
     /// Densities with which an emission sample starts at that emitting point and leaves along `wo` (world).
     #[inline]
-    pub fn pdf_emission(&self, aim: &Aim, surface: &Surface, wo: Vec3) -> EmissionDensity {
+    pub(crate) fn pdf_emission(&self, aim: &Aim, surface: &Surface, wo: Vec3) -> EmissionDensity {
         let beam = if aim.is_uniform() {
             None
         } else {
@@ -103,7 +103,7 @@ impl Lights {
 
     /// Densities with which an emission sample comes from the environment seen along a ray.
     #[inline]
-    pub fn pdf_emission_environment(&self, aim: &Aim, ray: &Ray) -> EmissionDensity {
+    pub(crate) fn pdf_emission_environment(&self, aim: &Aim, ray: &Ray) -> EmissionDensity {
         let beam = aim.beam(self.area.len() + self.punctual.len());
         EmissionDensity {
             position: self.pdf_across(beam, ray),
@@ -124,7 +124,7 @@ impl Lights {
     /// was drawn for, over the density with which light sampling draws that point: per steradian, or for a light at
     /// infinity per area across.
     #[inline]
-    pub fn emission_over_sampling(&self, aim: &Aim, light: &LightSample, from: Vec3) -> f32 {
+    pub(crate) fn emission_over_sampling(&self, aim: &Aim, light: &LightSample, from: Vec3) -> f32 {
         let k = light.light as usize;
         let beam = aim.beam(k);
         let pdf = match k.checked_sub(self.area.len()) {
@@ -209,7 +209,7 @@ impl Lights {
 impl Scene {
     /// Draws a light by power, then a point of it and a direction, aimed or not. `None` without lights, and for a draw
     /// that carries no light.
-    pub fn sample_emission(&self, aim: &Aim, u: EmissionU) -> Option<EmissionSample> {
+    pub(crate) fn sample_emission(&self, aim: &Aim, u: EmissionU) -> Option<EmissionSample> {
         let lights = &self.lights;
         let (k, rest) = lights.choice.sample(u.pick)?;
         // The rest of the number chooses a target.

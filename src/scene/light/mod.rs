@@ -171,7 +171,7 @@ impl Lights {
     }
 
     /// Builds the index that the densities of [aimed](Aim) lights need.
-    pub fn index(&self) {
+    pub(crate) fn index(&self) {
         self.area.index();
     }
 
@@ -182,7 +182,7 @@ impl Lights {
     }
 
     /// Number of lights: emissive triangles first, then lights without area, then the environment.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.area.len() + self.punctual.len() + usize::from(self.environment.is_some())
     }
 
@@ -212,7 +212,7 @@ impl Lights {
     /// Draws the light that [`Lights::sample`] draws: its index as in [`Lights::pmf`], the probability of the choice,
     /// and the remainder of `pick`, uniform in [0, 1) again.
     #[inline]
-    pub fn sample_light(&self, from: Vec3, pick: f64) -> Option<(usize, f32, f64)> {
+    pub(crate) fn sample_light(&self, from: Vec3, pick: f64) -> Option<(usize, f32, f64)> {
         match &self.many {
             None => {
                 let (k, rest) = self.choice.sample(pick)?;
@@ -280,7 +280,7 @@ impl Lights {
 
     /// Density per steradian with which [`Lights::sample`] from `from` draws the direction to that emitting point.
     #[inline]
-    pub fn pdf_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
+    pub(crate) fn pdf_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
         AreaLights::pdf(self.pdf_a_emitter(from, surface), from, surface)
     }
 
@@ -302,7 +302,7 @@ impl Lights {
 
     /// Density per steradian with which [`Lights::sample`] from `from` draws the direction `dir` of the environment.
     #[inline]
-    pub fn pdf_environment(&self, from: Vec3, dir: Vec3) -> f32 {
+    pub(crate) fn pdf_environment(&self, from: Vec3, dir: Vec3) -> f32 {
         let Some(environment) = &self.environment else {
             return 0.0;
         };
@@ -315,7 +315,8 @@ impl Lights {
 
     /// Probability with which [`Lights::sample`] from `from` draws the light with this index: emissive triangles first,
     /// then lights without area, then the environment.
-    pub fn pmf(&self, light: usize, from: Vec3) -> f32 {
+    #[cfg(test)]
+    pub(crate) fn pmf(&self, light: usize, from: Vec3) -> f32 {
         match &self.many {
             None => self.choice.pmf(light),
             Some(many) => many.pmf(light, from),
@@ -323,7 +324,7 @@ impl Lights {
     }
 
     /// Probability of this light by power alone, without a lit point, as emission sampling draws it.
-    pub fn emission_pmf(&self, light: usize) -> f32 {
+    pub(crate) fn emission_pmf(&self, light: usize) -> f32 {
         self.choice.pmf(light)
     }
 

@@ -66,8 +66,10 @@ fn agreement_of_aimed_with_uniform_emission() {
         ];
         for (strategies, merging) in ways {
             let aimed = picture(&scene, estimator(strategies, merging, 1), 128);
+            let aim_cache = AimCache::default();
+            aim_cache.aim(&view(&scene), Aim::default);
             let uniform = Bidirectional {
-                aim_cache: AimCache::fixed(&view(&scene), Aim::default()),
+                aim_cache,
                 ..estimator(strategies, merging, 2)
             };
             let uniform = picture(&scene, uniform, 512);
