@@ -83,10 +83,10 @@ plant "9 sides by the shading normal" src/integrator/walk/shading_point.rs \
     stability::cases_9_and_10_light_leaks
 plant "9 normals bent to the mirror horizon of the view" src/scene/normals.rs \
     's/\(c \+ least\) \* ng/(c - least) * ng/' \
-    appearance::ripples_seen_from_low_are_not_black
+    lib::unit::appearance::ripples_seen_from_low_are_not_black
 plant "9 rough lobes that graze the surface" src/scene/geometry.rs \
     's/MIN_COS_ROUGH\n/MIN_COS_SMOOTH\n/' \
-    appearance::white_furnace_of_coarse_balls_shows_no_rim
+    lib::unit::appearance::white_furnace_of_coarse_balls_shows_no_rim
 plant "10 rays that start on the surface" src/scene/geometry.rs \
     's/to_world\.error\(rounding \+ 1e-13 \* extent\)/0.0 * (rounding + 1e-13 * extent)/' \
     stability::case_10_scale_invariance
@@ -112,7 +112,7 @@ plant "15 a best loss of no number" crates/train/src/learn/outer_loop.rs \
 plant "a clear coat dims its base by one side" src/bsdf/clearcoated.rs \
     's/wo\.z\.abs\(\)\.min\(wi\.z\.abs\(\)\)/wo.z.abs()/' clearcoat::reciprocity_and_value_of_clearcoat_over_base
 plant "a brushed lobe without its change of measure" src/bsdf/anisotropic.rs \
-    's/query\.pdf_scale \*= factor;//' anisotropy::anisotropic_value_and_pdf_are_those_of_two_roughnesses
+    's/query\.pdf_scale \*= factor;//' lib::unit::anisotropy::anisotropic_value_and_pdf_are_those_of_two_roughnesses
 plant "slopes of the isotropic Gaussian" src/bsdf/slope.rs \
     's/\(quantiles\.w \+ sum\.dot\(quantiles\.along\)\)/quantiles.w/' bsdf::chi_square_of_sample_against_pdf
 
@@ -143,7 +143,7 @@ plant "the reflectance of a covered surface is that of the drawn lobe" src/scene
 plant "the second way through glass counts as the first" src/integrator/walk/ways.rs \
     's/chance: 1\.0 - one\.chance/chance: one.chance/' lib::integrator::walk::ways::tests::ways_are_all_leaves_of_a_tree
 plant "ways of small shares end and nothing makes up for it" src/integrator/walk/mod.rs \
-    's/self\.throughput \/= chance;//' bidirectional::ways::agreement_with_drawn_ways_behind_a_pane
+    's/self\.throughput \/= chance;//' lib::unit::bidirectional::ways::agreement_with_drawn_ways_behind_a_pane
 plant "light at the end of an edge counts without the roulette of ways" src/integrator/walk/mod.rs \
     's/pending\.scale\(Rgb::splat\(1\.0 \/ chance\)\);//' lib::unit::ways::agreement_of_paths_on_both_ways_with_drawn_ones
 plant "every way of levels counts in full" src/integrator/levels/packed.rs \
@@ -151,9 +151,9 @@ plant "every way of levels counts in full" src/integrator/levels/packed.rs \
 plant "light layers count every way in full" src/integrator/aov.rs \
     's/share \* part/part/' lib::unit::aov::aov_light_split_adds_up_and_equals_short_paths
 plant "a reflection at glass is drawn" src/integrator/bidirectional/paths.rs \
-    's/Ways::all\(\)/Ways::drawn()/' bidirectional::ways::glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample
+    's/Ways::all\(\)/Ways::drawn()/' lib::unit::bidirectional::ways::glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample
 plant "photons count at the radius that first reaches them alone" src/integrator/bidirectional/merge.rs \
-    's/sum \+= sums\[level\]/sum = sums[level]/' bidirectional::radii::levels_are_pictures_at_their_radii
+    's/sum \+= sums\[level\]/sum = sums[level]/' lib::unit::bidirectional::radii::levels_are_pictures_at_their_radii
 plant "light by way of casters counts twice" src/integrator/path/mod.rs \
     's/\&\& directions\.counts\(arrival\.as_ref\(\)\)//' manifold::manifold_sampling_has_the_picture_of_path_tracing
 plant "what was not met is free of noise" src/resolve/coarse.rs \
@@ -169,7 +169,7 @@ plant "a bias counts as light that was not met" src/resolve/coarse.rs \
     's/const AT_ONCE: f32 = 0.8/const AT_ONCE: f32 = -8.0/' \
     lib::resolve::tests::light_that_the_sharpest_level_lacks_comes_back_and_a_bias_does_not
 plant "variance over a pixel's own noisy mean" src/resolve/statement.rs \
-    's/self\.variance <= .*length_squared\(\)/true/' statement::stated_error_of_rare_hits_is_the_true_one
+    's/self\.variance <= .*length_squared\(\)/true/' lib::unit::statement::stated_error_of_rare_hits_is_the_true_one
 
 plant "21 sheets are bodies" src/scene/shells.rs \
     's/const MAX_ESCAPES: f64 = 0.1/const MAX_ESCAPES: f64 = 1.0/' boundaries::pane_with_a_thickness_is_a_thin_wall
@@ -189,10 +189,10 @@ plant "23 lamps at sharp lobes count twice" src/integrator/bidirectional/merge.r
     bidirectional::photons::photon_density_counts_lamps_in_sharp_lobes_once
 plant "24 the mean of shared light paths by pixels alone" src/integrator/bidirectional/sample.rs \
     's/push_shared/push/g' \
-    mean_error::stated_error_of_the_mean_knows_photons_that_pixels_share
+    lib::unit::mean_error::stated_error_of_the_mean_knows_photons_that_pixels_share
 plant "24 photons of light paths that were cut count as of all" src/integrator/bidirectional/merge.rs \
     's/presence \* paths as f32/presence * self.paths as f32/' \
-    stop::first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_one
+    lib::unit::stop::first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_one
 plant "light flux without the square of the index" src/integrator/bidirectional/walk.rs \
     's/refraction_scale \* cosines\.abs\(\)/cosines.abs()/' \
     lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_under_water
@@ -219,7 +219,7 @@ plant "weights of connections ignore merges" src/integrator/bidirectional/weight
 plant "every strategy roughens a part of its own" src/integrator/bidirectional/split.rs \
     's/reach\.join\(&there\.reach\)/there.reach.best/' lib::integrator::bidirectional::audit::cases::audit_of_the_split
 plant "a first sample that is cut at once has no pixels" src/integrator/pieces.rs \
-    's/ && !\(piece < least && self\.is_first\(\)\)//' stop::first_sample_that_is_cut_at_once_has_its_first_pixels
+    's/ && !\(piece < least && self\.is_first\(\)\)//' lib::unit::stop::first_sample_that_is_cut_at_once_has_its_first_pixels
 plant "one level: the wide blur is blurred twice" src/resolve/tiles.rs \
     's/\(sigma \* sigma - BASE \* BASE\)\.sqrt\(\)/sigma/' lib::resolve::tests::blur_of_a_blur_in_steps_is_a_wide_gaussian
 plant "one level: the wide blur takes too few pixels" src/resolve/tiles.rs \
@@ -292,11 +292,11 @@ plant "photons: lists of light paths double" src/integrator/bidirectional/photon
     's/list\.reserve_exact\(end\.max\(length\) - list\.len\(\)\)/list.reserve(length)/' \
     lib::integrator::bidirectional::photons::tests::lists_grow_to_the_length_that_is_expected
 plant "normals: matt surfaces bend as mirrors do" src/scene/mod.rs \
-    's/surface\.min_mirror_cos = normals::MIN_COS_MATT;//' appearance::relief_of_matt_surfaces_does_not_depend_on_the_view
+    's/surface\.min_mirror_cos = normals::MIN_COS_MATT;//' lib::unit::appearance::relief_of_matt_surfaces_does_not_depend_on_the_view
 plant "normals: facets hide light from themselves" src/scene/normals.rs \
-    's/height \+= weight \* /height += 0.0 * weight * /' appearance::shadow_of_a_coarse_ball_begins_where_that_of_a_fine_one_does
+    's/height \+= weight \* /height += 0.0 * weight * /' lib::unit::appearance::shadow_of_a_coarse_ball_begins_where_that_of_a_fine_one_does
 plant "lighting: a tint of emission is a picture" src/scene/lighting.rs \
-    's/ && self\.emitted >= VISIBLE \* self\.reflected//' own_light::lamps_light_and_decoration_does_not
+    's/ && self\.emitted >= VISIBLE \* self\.reflected//' lib::unit::own_light::lamps_light_and_decoration_does_not
 plant "resolve: a pixel leaves out the first cell around it" src/resolve/guide.rs \
     's/let first = most\.saturating_sub\(shift\);/let first = most.saturating_sub(shift) + edge;/' \
     lib::resolve::tests::values_of_cells_are_a_gaussian_mean_of_those_around
@@ -308,7 +308,7 @@ plant "resolve: pixels in the row below confirm nothing" src/resolve/layer.rs \
     's/rows\.get\(i \+ width\)/rows.get(i + 2 * width)/' lib::resolve::tests::a_pixel_beside_confirms_a_difference
 plant "resolve: an error map of the noise alone" src/resolve/mod.rs \
     's/statement::smoothed\(self\.picture\.size\(\), errors\)/statement::smoothed(self.picture.size(), errors.map(|e| 0.6 * e))/' \
-    statement::error_map_has_the_mean_that_is_stated
+    lib::unit::statement::error_map_has_the_mean_that_is_stated
 plant "formats: differences of meshopt turn the wrong way" crates/formats/src/compressed/meshopt.rs \
     's/rotate_right/rotate_left/' formats::compressed::tests::channels_of_turned_differences_are_decoded
 plant "formats: a known vertex is new again" crates/formats/src/compressed/meshopt.rs \
@@ -338,18 +338,18 @@ plant "formats: the end of a movement moves its beginning" crates/formats/src/pb
 plant "formats: meshes are not painted" crates/formats/src/mitsuba/bsdfs.rs \
     's/has_colors = true/has_colors = false/' foreign::nearest::mesh_colours_of_mitsuba_paint_what_asks_for_them
 plant "studio: the floor lies above the lowest point" src/scene/floor.rs \
-    's/low\.y - GAP/low.y + GAP/' own_light::objects_stand_on_the_floor_of_the_studio
+    's/low\.y - GAP/low.y + GAP/' lib::unit::own_light::objects_stand_on_the_floor_of_the_studio
 plant "studio: the floor is too narrow" src/scene/floor.rs \
-    's/RADIUS: f64 = 6\.0/RADIUS: f64 = 3.0/' own_light::floor_of_the_studio_has_a_shadow_and_no_rim
+    's/RADIUS: f64 = 6\.0/RADIUS: f64 = 3.0/' lib::unit::own_light::floor_of_the_studio_has_a_shadow_and_no_rim
 plant "studio: the floor is too bright" src/scene/light/sky.rs \
     's/FLOOR_ALBEDO: f32 = 0\.16745/FLOOR_ALBEDO: f32 = 0.169/' \
     lib::scene::light::sky::tests::studio_and_sky_are_finite_and_not_negative_and_the_studio_is_neutral
 plant "studio: the camera frames the floor" src/scene/framing.rs \
     's/parts\.meshes\.len\(\) - usize::from\(parts\.has_floor\)/parts.meshes.len()/' \
-    own_light::objects_stand_on_the_floor_of_the_studio
+    lib::unit::own_light::objects_stand_on_the_floor_of_the_studio
 plant "studio: a ground gets a floor" src/scene/framing.rs \
     's/around\(&subject\)\.filter\(\|_\| !surrounded\)/around(&subject).filter(|_| true || surrounded)/' \
-    own_light::objects_stand_on_the_floor_of_the_studio
+    lib::unit::own_light::objects_stand_on_the_floor_of_the_studio
 plant "studio: the floor moves with the objects" src/render/open.rs \
     's/lay_floor\(loaded\.rest\.as_ref\(\)\)/lay_floor(None)/' load::motion::floor_of_the_studio_stays_at_every_moment
 plant "view: the camera turns at the depth of the floor" crates/view/src/work.rs \
@@ -360,9 +360,9 @@ plant "view: pictures of fewer pixels are raw" crates/view/src/preview.rs \
 plant "view: one sample of a whole frame is shown" crates/view/src/work.rs \
     's/run\.samples > 1 && due/due/' viewer::work::tests::first_sample_of_a_frame_waits_for_the_second
 plant "drive: errors are estimated at every number of samples" src/integrator/drive.rs \
-    's/error \* fall\(self\.next\) > limit\.bound/false/' stop::errors_are_estimated_where_they_may_be_low_enough
+    's/error \* fall\(self\.next\) > limit\.bound/false/' lib::unit::stop::errors_are_estimated_where_they_may_be_low_enough
 plant "drive: a resumed render estimates no error where it stands" src/integrator/drive.rs \
-    's/while next < samples/while next <= samples/' stop::errors_are_estimated_where_they_may_be_low_enough
+    's/while next < samples/while next <= samples/' lib::unit::stop::errors_are_estimated_where_they_may_be_low_enough
 plant "view: the floor is an object" crates/view/src/open_scene.rs \
     's/\(!is_floor\)\.then_some/(true || is_floor).then_some/' view::view_knows_the_objects_of_a_studio
 plant "merges: lights allow them" src/integrator/bidirectional/walk.rs \

@@ -1,8 +1,7 @@
 //! Clear coats: energy, textures, and the roughness that a path stores.
 
 use super::support::render::scene;
-use crate::bsdf::numbers;
-use crate::support::draws::rng;
+use crate::support::draws::{numbers, rng};
 use opsr::bsdf::{Bsdf, Diffuse, Distribution, clearcoated};
 use opsr::image::Film;
 use opsr::integrator::{PathObserver, Recorder, Settings, View};

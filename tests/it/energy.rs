@@ -1,7 +1,6 @@
 //! BSDFs against textbook formulas: values, reciprocity and energy conservation.
 
-use crate::bsdf::numbers;
-use crate::support::draws::{direction, rng};
+use crate::support::draws::{direction, numbers, rng};
 use opsr::bsdf::{Bsdf, Distribution, Glossy, Lobe, ThinDielectric};
 use opsr::math::{DVec3, Rgb, Vec3};
 use opsr_lab::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal, pane, plastic};

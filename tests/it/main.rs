@@ -1,8 +1,6 @@
 //! All integration tests, in one binary so that the library is linked once.
 
 mod agree;
-mod anisotropy;
-mod appearance;
 mod architecture;
 mod backs;
 mod bench;
@@ -14,7 +12,6 @@ mod circles;
 mod clearcoat;
 mod cli;
 mod compare;
-mod dispersion;
 mod energy;
 mod examples;
 mod export;
@@ -22,17 +19,13 @@ mod exr;
 mod foreign;
 mod fuzz;
 mod guided;
-mod lamps;
 mod load;
 mod manifold;
-mod mean_error;
-mod media;
 mod metric;
 mod mollifier;
 mod nested;
 mod opacity;
 mod options;
-mod own_light;
 mod panes;
 mod parts;
 #[cfg(feature = "train")]
@@ -43,8 +36,6 @@ mod scenes;
 mod stability;
 #[cfg(feature = "train")]
 mod stability_train;
-mod statement;
-mod stop;
 mod support;
 mod table_file;
 #[cfg(feature = "train")]

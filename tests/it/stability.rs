@@ -3,8 +3,7 @@
 //! Numbers are those of `docs/numerics.md`. Other cases have tests of their own: 13 in `metric`, 14 in `load`, 15 in
 //! `stability_train`.
 
-use crate::bsdf::numbers;
-use crate::support::draws::rng;
+use crate::support::draws::{numbers, rng};
 use crate::support::scenes::two_mirrors;
 use crate::support::{self, assert_likely};
 use opsr::image::Film;

@@ -6,10 +6,11 @@ use crate::integrator::Settings;
 use crate::math::{Rgb, UVec2, Vec3};
 use crate::regularise::Rule;
 use crate::scene::{Material, Scene};
+use crate::unit::drawn::{drawn, drawn_samples};
 use crate::unit::lab::gallery::materials::{coated, glass};
 use crate::unit::lab::gallery::shapes::{quad, sphere};
 use crate::unit::lab::stats::agreement::agree;
-use crate::unit::support::render::{drawn, drawn_samples, film_with, scene};
+use crate::unit::support::render::{film_with, scene};
 use crate::unit::support::scenes::{point_light_over_plane, two_mirrors};
 
 /// A film as [`drawn`] makes it, whose samples are means of `each` samples.

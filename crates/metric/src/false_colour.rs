@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::flip::colour::lab_to_rgb;
+use super::flip::colour::lab_to_rgb;
 use opsr::image::Buffer;
 use opsr::math::Rgb;
 

@@ -1,15 +1,12 @@
 //! Light paths and connections: densities of the ends, agreement with the path tracer.
 
 mod agreement;
-mod blurred;
 mod determinism;
 mod metropolis;
 mod photons;
 mod psr;
-mod radii;
 mod scenes;
 mod slopes;
-mod ways;
 
 use opsr::scene::SceneParts;
 use opsr_lab::gallery::{caustic_box, cornell_box, materials, shapes};

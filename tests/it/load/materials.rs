@@ -9,6 +9,7 @@ use opsr::math::{Rgb, Vec3};
 use opsr::scene::load::LoadOptions;
 use opsr::scene::{AlphaMode, Material, Mesh, Projection, PunctualLight, SceneParts, Texels, Wrap};
 use opsr_lab::gallery::glb;
+use opsr_lab::gallery::materials;
 use opsr_lab::gallery::shapes;
 use serde_json::{Value, json};
 
@@ -547,4 +548,82 @@ fn load_textures_of_the_nearest_texel() {
         assert_eq!(of(0, x, y), expected, "{x} {y}");
     }
     assert!((of(1, 0.5, 0.25) - 0.5).abs() < 1e-6);
+}
+
+/// Smooth meshes get a single tangent per vertex, so that highlights show no facets.
+#[test]
+fn loaded_anisotropy_derives_smooth_tangents() {
+    let mut parts = SceneParts::default();
+    let plate = opsr_lab::gallery::shapes::disc(1.0, 12);
+    // Slightly less than a full turn: u would jump at the seam.
+    let uvs = (plate.positions.iter())
+        .map(|p| Vec2::new((p.z.atan2(p.x)) / 6.3, p.length()))
+        .collect();
+    let mut plate = Mesh {
+        uvs,
+        tangents: Vec::new(),
+        ..plate
+    };
+    plate.indices.retain(|face| {
+        let u = face.map(|i| plate.uvs[i as usize].x);
+        (u[0] - u[1]).abs() < 0.5 && (u[1] - u[2]).abs() < 0.5 && (u[0] - u[2]).abs() < 0.5
+    });
+    let steel = materials::metal("steel", Rgb::ONE, 0.01);
+    parts.add(materials::brushed(steel, 0.5, 0.0), [plate]);
+    let bytes = opsr_lab::gallery::glb::to_glb(&parts).expect("a small file");
+    let directory = tempfile::tempdir().expect("a folder");
+    let path = directory.path().join("plate.glb");
+    std::fs::write(&path, bytes).expect("written");
+    let options = opsr_formats::options();
+    let loaded = opsr::scene::load::load(&path, &options).expect("loaded");
+    let mesh = &loaded.parts.meshes[0];
+    let read = loaded.parts.materials[0].anisotropy().expect("brushed");
+    assert_eq!((read.strength, read.rotation), (0.5, 0.0));
+    assert_eq!(mesh.tangents.len(), mesh.positions.len());
+    let inner = |p: &&Vec3| p.x > 0.1;
+    let around = mesh.positions.iter().zip(&mesh.tangents);
+    for (p, t) in around.filter(|(p, _)| inner(p)) {
+        let cos = t.truncate().dot(Vec3::Y.cross(*p).normalize()).abs();
+        assert!(cos > 0.99, "{p} {t}");
+    }
+}
+
+/// The draft KHR_materials_volume_scatter: attenuation is extinction, and the albedo follows from the colour of
+/// multiply scattered light.
+#[test]
+fn gltf_bodies_scatter() {
+    let load = |scatter: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.gltf");
+        let text = format!(
+            r#"{{"asset": {{"version": "2.0"}}, "extensionsUsed": ["KHR_materials_transmission", "KHR_materials_volume",
+            "KHR_materials_volume_scatter"], "materials": [{{"extensions": {{"KHR_materials_transmission": {{"transmissionFactor": 1}},
+            "KHR_materials_volume": {{"thicknessFactor": 1, "attenuationDistance": 0.5, "attenuationColor": [0.5, 0.25, 1]}},
+            "KHR_materials_volume_scatter": {scatter}}}}}]}}"#
+        );
+        std::fs::write(&path, text).unwrap();
+        opsr::scene::load::load(&path, &opsr_formats::options())
+    };
+    let loaded = load(r#"{"multiscatterColor": [1, 0.5, 0.5], "scatterAnisotropy": 0.4}"#).unwrap();
+    let own = loaded.parts.materials[0].medium.as_deref().unwrap();
+    assert_eq!(own.mean_cosine, 0.4);
+    let extinction = [2.0f32.ln() * 2.0, 4.0f32.ln() * 2.0, 0.0];
+    for (c, extinction) in extinction.into_iter().enumerate() {
+        let sum = own.absorption[c] + own.scattering[c];
+        assert!((sum - extinction).abs() < 1e-5 * sum.max(1.0));
+    }
+    // White has albedo 1; a colour of one half has the albedo of s, about 0.3.
+    assert!(own.absorption.x < 1e-3, "{own:?}");
+    let s = 4.09712f32 + 4.20863 * 0.5 - (9.59217f32 + 41.6808 * 0.5 + 17.7126 * 0.25).sqrt();
+    let albedo = (1.0 - s * s) / (1.0 - 0.4 * s * s);
+    assert!(
+        (own.scattering.y / extinction[1] - albedo).abs() < 1e-5,
+        "{own:?}"
+    );
+    let none = load("{}").unwrap();
+    assert_eq!(none.parts.materials[0].medium, None);
+    let wrong = load(r#"{"scatterAnisotropy": -1}"#)
+        .unwrap_err()
+        .to_string();
+    assert!(wrong.contains("scatterAnisotropy is -1"), "{wrong}");
 }

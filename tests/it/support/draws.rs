@@ -8,6 +8,10 @@ pub(crate) fn rng(seed: u64) -> Pcg32 {
     Pcg32::seed_from_u64(seed)
 }
 
+pub(crate) fn numbers(rng: &mut Pcg32) -> [f32; 3] {
+    std::array::from_fn(|_| rng.random())
+}
+
 pub(crate) fn point(rng: &mut Pcg32, size: f32) -> Vec3 {
     let mut x = || (rng.random::<f32>() * 2.0 - 1.0) * size;
     Vec3::new(x(), x(), x())

@@ -4,9 +4,7 @@ use opsr::image::{Buffer, Film};
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
-use opsr::sampler::{Independent, Seed};
 use opsr::scene::{Scene, SceneParts};
-use std::ops::Range;
 
 /// A film through the scene's first camera.
 pub(crate) fn film(scene: &Scene, rule: Rule, size: u32, spp: u32, seed: u64) -> Film {
@@ -49,24 +47,6 @@ pub(crate) fn add_passes(
             start = end;
         }
     });
-}
-
-/// A square film of path tracing with independent samples and random reflection or refraction at smooth glass.
-pub(crate) fn drawn(scene: &Scene, settings: &Settings, size: u32, spp: u32) -> Film {
-    drawn_samples(scene, settings, size, 0..spp)
-}
-
-pub(crate) fn drawn_samples(
-    scene: &Scene,
-    settings: &Settings,
-    size: u32,
-    samples: Range<u32>,
-) -> Film {
-    let mut film = Film::new(UVec2::splat(size));
-    let view = View::of(scene, &scene.parts().cameras[0], &film);
-    let (tracer, seed) = (settings.tracer(settings.rule.clone()), Seed(settings.seed));
-    tracer.estimate(&view, &Independent { seed }, samples, &mut film, &mut ());
-    film
 }
 
 /// A scene of these parts; a warning fails the test.

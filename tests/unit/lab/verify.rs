@@ -1,5 +1,8 @@
 //! Its checks.
 
+#[path = "../../../crates/lab/src/verify/bsdfs.rs"]
+#[allow(dead_code, unreachable_pub)]
+pub(crate) mod bsdfs;
 #[path = "../../../crates/lab/src/verify/chi_square.rs"]
 #[allow(dead_code, unreachable_pub)]
 pub(crate) mod chi_square;

@@ -1,18 +1,18 @@
 //! Scenes lit by their own surfaces: a table of scenes, and the camera of files without one.
 
-use crate::support::gltf::File;
-use crate::support::render::{film, mean, scene};
+use crate::math::{Rgb, Vec2, Vec3};
+use crate::regularise::Rule;
+use crate::render::Spec;
+use crate::render::open::Opened;
+use crate::scene::light::sky::studio;
+use crate::scene::load::Formats;
+use crate::scene::{Camera, Environment, Material, Mesh, PunctualLight, Scene, SceneParts};
+use crate::unit::lab::gallery::glb::to_glb;
+use crate::unit::lab::gallery::materials;
+use crate::unit::lab::gallery::shapes::{self, Placing};
+use crate::unit::support::gltf::File;
+use crate::unit::support::render::{film, mean, scene};
 use image::{DynamicImage, Rgb as Texel, RgbImage};
-use opsr::math::{Rgb, Vec2, Vec3};
-use opsr::regularise::Rule;
-use opsr::render::Spec;
-use opsr::render::open::Opened;
-use opsr::scene::light::sky::studio;
-use opsr::scene::load::Formats;
-use opsr::scene::{Camera, Environment, Material, Mesh, PunctualLight, Scene, SceneParts};
-use opsr_lab::gallery::glb::to_glb;
-use opsr_lab::gallery::materials;
-use opsr_lab::gallery::shapes::{self, Placing};
 use serde_json::json;
 
 /// A grey material that emits.
@@ -279,7 +279,7 @@ fn lamps_light_and_decoration_does_not() {
 /// Automatic exposure leaves pictures of the studio unchanged, chosen or by default, and empty scenes give a warning.
 #[test]
 fn studio_is_not_brightened_and_empty_scenes_are_named() {
-    let dark = opsr::image::Buffer::filled(8, 8, Rgb::splat(0.01));
+    let dark = crate::image::Buffer::filled(8, 8, Rgb::splat(0.01));
     let exposure = |env: Option<&str>, in_studio| {
         let spec = Spec {
             env: env.map(Into::into),
@@ -386,7 +386,7 @@ fn framing_fills_the_picture_with_the_subject() {
     // Shared copies are framed by their transformed vertices.
     let mut parts = SceneParts::default();
     parts.add_material(grey());
-    parts.shared.push(opsr::scene::SharedMesh {
+    parts.shared.push(crate::scene::SharedMesh {
         mesh: shapes::cuboid(-Vec3::ONE, Vec3::ONE),
         poses: [-4.0, 4.0]
             .map(|x| glam::DAffine3::from_translation(glam::DVec3::X * x))

@@ -1,13 +1,13 @@
 //! Renders that end in the middle of a pass.
 
-use crate::support::render::{mean, scene};
-use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::drive::{Budget, ErrorBound, Reason, drive};
-use opsr::integrator::{Amounts, Estimator, Integrator, Picture, Recorded, Settings, Stop, View};
-use opsr::math::UVec2;
-use opsr::regularise::Rule;
-use opsr::scene::Scene;
-use opsr_lab::gallery::cornell_box;
+use crate::integrator::bidirectional::Radius;
+use crate::integrator::drive::{Budget, ErrorBound, Reason, drive};
+use crate::integrator::{Amounts, Estimator, Integrator, Picture, Recorded, Settings, Stop, View};
+use crate::math::UVec2;
+use crate::regularise::Rule;
+use crate::scene::Scene;
+use crate::unit::lab::gallery::cornell_box;
+use crate::unit::support::render::{mean, scene};
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
@@ -77,7 +77,7 @@ fn all() -> Vec<(&'static str, Settings)> {
 }
 
 fn blank(size: u32, settings: &Settings) -> Picture {
-    let window = opsr::image::film::Window::full(UVec2::splat(size));
+    let window = crate::image::film::Window::full(UVec2::splat(size));
     Picture::blank(
         UVec2::splat(size),
         window,
@@ -282,7 +282,7 @@ fn first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_o
         Estimator::Sppm(radius),
     ] {
         let settings = of(estimator);
-        let mut picture = Picture::new(opsr::image::Film::new(UVec2::splat(SIDE as u32)));
+        let mut picture = Picture::new(crate::image::Film::new(UVec2::splat(SIDE as u32)));
         let film = picture.film.clone();
         let view = View::of(&scene, &scene.parts().cameras[0], &film);
         let budget = Budget {
@@ -345,7 +345,7 @@ fn first_sample_that_is_cut_at_once_has_its_first_pixels() {
                 let dark = batch
                     .iter()
                     .zip(&met)
-                    .filter(|(light, met)| !**met && **light != opsr::math::Rgb::ZERO);
+                    .filter(|(light, met)| !**met && **light != crate::math::Rgb::ZERO);
                 assert_eq!(dark.count(), 0, "{estimator:?}");
             }
         }

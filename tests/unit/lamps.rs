@@ -1,13 +1,13 @@
 //! Surfaces as lamps: hidden from the camera, or emitting into a cone.
 
-use super::support::gltf::File;
-use super::support::render::{film_with, mean, scene};
-use opsr::integrator::{Estimator, Settings};
-use opsr::math::{Rgb, Vec3};
-use opsr::scene::lamp::{Cone, Lamp};
-use opsr::scene::{Camera, Scene, SceneParts};
-use opsr_lab::gallery::materials::{diffuse, emitter};
-use opsr_lab::gallery::shapes::{quad, sphere};
+use crate::integrator::{Estimator, Settings};
+use crate::math::{Rgb, Vec3};
+use crate::scene::lamp::{Cone, Lamp};
+use crate::scene::{Camera, Scene, SceneParts};
+use crate::unit::lab::gallery::materials::{diffuse, emitter};
+use crate::unit::lab::gallery::shapes::{quad, sphere};
+use crate::unit::support::gltf::File;
+use crate::unit::support::render::{film_with, mean, scene};
 use serde_json::{Value, json};
 use std::f64::consts::PI;
 

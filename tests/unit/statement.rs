@@ -1,15 +1,15 @@
 //! The error that pictures state.
 
-use super::support::render::{film, scene};
-use opsr::image::film::Window;
-use opsr::image::level_film::{FEATURES, LevelFilm, PathLevels};
-use opsr::image::{Buffer, Film};
-use opsr::math::{DVec3, Rgb, UVec2};
-use opsr::regularise::Rule;
-use opsr::resolve::{Resolve, film_error, film_errors, resolve_film};
-use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr_lab::gallery::builtin;
-use opsr_metric::{mean_relative_error, relative_error_map};
+use crate::image::film::Window;
+use crate::image::level_film::{FEATURES, LevelFilm, PathLevels};
+use crate::image::{Buffer, Film};
+use crate::math::{DVec3, Rgb, UVec2};
+use crate::regularise::Rule;
+use crate::resolve::{Resolve, film_error, film_errors, resolve_film};
+use crate::sampler::{Independent, SampleSource, Sampler, Seed};
+use crate::unit::lab::gallery::builtin;
+use crate::unit::metric::{mean_relative_error, relative_error_map};
+use crate::unit::support::render::{film, scene};
 
 /// Stated and true squared error, relative, averaged over films. Without `truth` the mean of all films replaces it.
 fn stated_and_true(films: &[Film], truth: Option<DVec3>) -> (f64, f64) {

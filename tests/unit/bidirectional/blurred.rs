@@ -1,17 +1,17 @@
 //! Blurs of pictures of one level: batches with features of the camera paths.
 
-use crate::support::render::scene;
-use opsr::image::Buffer;
-use opsr::image::film::Film;
-use opsr::image::level_film::LevelFilm;
-use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::{Amounts, Aovs, Estimator, FirstHit, LevelError, Picture, Settings, View};
-use opsr::math::UVec2;
-use opsr::regularise::Rule;
-use opsr::resolve::{Resolve, resolve_film};
-use opsr::scene::Scene;
-use opsr_lab::gallery::{builtin, caustic_box};
-use opsr_metric::{energy_ratio, mape};
+use crate::image::Buffer;
+use crate::image::film::Film;
+use crate::image::level_film::LevelFilm;
+use crate::integrator::bidirectional::Radius;
+use crate::integrator::{Amounts, Aovs, Estimator, FirstHit, LevelError, Picture, Settings, View};
+use crate::math::UVec2;
+use crate::regularise::Rule;
+use crate::resolve::{Resolve, resolve_film};
+use crate::scene::Scene;
+use crate::unit::lab::gallery::{builtin, caustic_box};
+use crate::unit::metric::{energy_ratio, mape};
+use crate::unit::support::render::scene;
 use std::ops::Range;
 
 const SIZE: UVec2 = UVec2::new(48, 36);

@@ -1,18 +1,18 @@
 //! Media: closed forms, an analogue tracer, and agreement of estimators.
 
-use super::support::render::{film_with, mean, scene};
-use opsr::bsdf::{Bsdf, Phase};
-use opsr::image::Film;
-use opsr::integrator::{Amounts, Estimator, Picture, Recorded, Settings, View};
-use opsr::math::{Ray, Rgb, UVec2, Vec3};
-use opsr::regularise::Rule;
-use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::{
+use crate::bsdf::{Bsdf, Phase};
+use crate::image::Film;
+use crate::integrator::{Amounts, Estimator, Picture, Recorded, Settings, View};
+use crate::math::{Ray, Rgb, UVec2, Vec3};
+use crate::regularise::Rule;
+use crate::sampler::{Independent, SampleSource, Sampler, Seed};
+use crate::scene::{
     Environment, Falloff, Material, Medium, PunctualLight, Scene, SceneParts, Sensor,
 };
-use opsr_lab::gallery::materials::{diffuse, emitter, glass, metal};
-use opsr_lab::gallery::shapes::{cuboid, quad, room, sphere};
-use opsr_lab::stats::agreement::agree;
+use crate::unit::lab::gallery::materials::{diffuse, emitter, glass, metal};
+use crate::unit::lab::gallery::shapes::{cuboid, quad, room, sphere};
+use crate::unit::lab::stats::agreement::agree;
+use crate::unit::support::render::{film_with, mean, scene};
 use std::f64::consts::PI;
 
 const PATH: Estimator = Estimator::Path { reuse: false };
@@ -452,7 +452,7 @@ fn levels_in_a_medium_begin_with_plain_path_tracing() {
     };
     let mut picture = Picture::blank(
         UVec2::splat(size),
-        opsr::image::film::Window::full(UVec2::splat(size)),
+        crate::image::film::Window::full(UVec2::splat(size)),
         &settings.amounts,
         Recorded::default(),
     )
@@ -485,7 +485,7 @@ fn levels_of_isotropic_phase_functions_lose_nothing() {
     };
     let one = film_with(&scene, &settings(Amounts::Raw), 16, 256);
     let settings = settings(Amounts::roughening(&[0.0, 1.0]).expect("scales"));
-    let full = opsr::image::film::Window::full(size);
+    let full = crate::image::film::Window::full(size);
     let mut picture = Picture::blank(size, full, &settings.amounts, Recorded::default()).unwrap();
     let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
     settings.integrator().pass(&view, 0..256, &mut picture);
@@ -553,7 +553,7 @@ fn estimators_without_media_refuse_them() {
     let ball = || metal("metal", Rgb::splat(0.8), 0.15);
     let fog = fog_box(Some(medium([0.1; 3], [0.1; 3], 0.0)), ball(), 0.5);
     let smoke = fog_box(Some(medium([0.1; 3], [0.0; 3], 0.0)), ball(), 0.5);
-    let radius = opsr::integrator::bidirectional::Radius::default();
+    let radius = crate::integrator::bidirectional::Radius::default();
     let all = [
         (PATH, true, true),
         (Estimator::Bdpt, true, true),
@@ -593,44 +593,4 @@ fn phase_energy_conservation() {
     let phase = Bsdf::Phase(Phase { mean_cosine: 0.7 });
     let eval = phase.eval(phase.alpha(), Vec3::Z, Vec3::new(0.6, 0.0, -0.8));
     assert_eq!(eval.value.x, eval.pdf_w);
-}
-
-/// The draft KHR_materials_volume_scatter: attenuation is extinction, and the albedo follows from the colour of
-/// multiply scattered light.
-#[test]
-fn gltf_bodies_scatter() {
-    let load = |scatter: &str| {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.gltf");
-        let text = format!(
-            r#"{{"asset": {{"version": "2.0"}}, "extensionsUsed": ["KHR_materials_transmission", "KHR_materials_volume",
-            "KHR_materials_volume_scatter"], "materials": [{{"extensions": {{"KHR_materials_transmission": {{"transmissionFactor": 1}},
-            "KHR_materials_volume": {{"thicknessFactor": 1, "attenuationDistance": 0.5, "attenuationColor": [0.5, 0.25, 1]}},
-            "KHR_materials_volume_scatter": {scatter}}}}}]}}"#
-        );
-        std::fs::write(&path, text).unwrap();
-        opsr::scene::load::load(&path, &opsr_formats::options())
-    };
-    let loaded = load(r#"{"multiscatterColor": [1, 0.5, 0.5], "scatterAnisotropy": 0.4}"#).unwrap();
-    let own = loaded.parts.materials[0].medium.as_deref().unwrap();
-    assert_eq!(own.mean_cosine, 0.4);
-    let extinction = [2.0f32.ln() * 2.0, 4.0f32.ln() * 2.0, 0.0];
-    for (c, extinction) in extinction.into_iter().enumerate() {
-        let sum = own.absorption[c] + own.scattering[c];
-        assert!((sum - extinction).abs() < 1e-5 * sum.max(1.0));
-    }
-    // White has albedo 1; a colour of one half has the albedo of s, about 0.3.
-    assert!(own.absorption.x < 1e-3, "{own:?}");
-    let s = 4.09712f32 + 4.20863 * 0.5 - (9.59217f32 + 41.6808 * 0.5 + 17.7126 * 0.25).sqrt();
-    let albedo = (1.0 - s * s) / (1.0 - 0.4 * s * s);
-    assert!(
-        (own.scattering.y / extinction[1] - albedo).abs() < 1e-5,
-        "{own:?}"
-    );
-    let none = load("{}").unwrap();
-    assert_eq!(none.parts.materials[0].medium, None);
-    let wrong = load(r#"{"scatterAnisotropy": -1}"#)
-        .unwrap_err()
-        .to_string();
-    assert!(wrong.contains("scatterAnisotropy is -1"), "{wrong}");
 }

@@ -1,13 +1,14 @@
 //! Both paths of a camera walk at smooth glass.
 
-use crate::support::render::{drawn, film_with, mean, scene};
-use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::{Amounts, Estimator, SCALES, Settings};
-use opsr::math::{Rgb, Vec3};
-use opsr::regularise::Rule;
-use opsr::scene::{Material, Mesh, SceneParts};
-use opsr_lab::gallery::materials::{coated, diffuse, emitter, glass};
-use opsr_lab::gallery::shapes::{cuboid, quad};
+use crate::integrator::bidirectional::Radius;
+use crate::integrator::{Amounts, Estimator, SCALES, Settings};
+use crate::math::{Rgb, Vec3};
+use crate::regularise::Rule;
+use crate::scene::{Material, Mesh, SceneParts};
+use crate::unit::drawn::drawn;
+use crate::unit::lab::gallery::materials::{coated, diffuse, emitter, glass};
+use crate::unit::lab::gallery::shapes::{cuboid, quad};
+use crate::unit::support::render::{film_with, mean, scene};
 use std::f32::consts::FRAC_1_SQRT_2 as COS;
 
 /// Radiance of the lamp that the glass reflects, and of the lamp behind the glass.

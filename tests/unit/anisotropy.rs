@@ -1,16 +1,15 @@
 //! Anisotropic surfaces: values by definition, roughening, and the direction of the brushing.
 
-use super::support::gltf::File;
-use super::support::render::{film, mean, scene};
-use crate::bsdf::numbers;
-use crate::support::draws::rng;
-use opsr::bsdf::{Anisotropic, Bsdf, DELTA_ALPHA, Distribution, Glossy, anisotropic};
-use opsr::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3};
-use opsr::regularise::{ConstantGamma, PathRoughness, Rule};
-use opsr::scene::{Material, Mesh, Scene, SceneParts, SharedMesh, Surface, Texture, TextureRef};
-use opsr_lab::gallery::materials::{brushed, clearcoated, diffuse, emitter, metal};
-use opsr_lab::gallery::shapes::{Placing, disc, quad};
-use opsr_lab::verify::bsdfs::DISTRIBUTIONS;
+use crate::bsdf::{Anisotropic, Bsdf, DELTA_ALPHA, Distribution, Glossy, anisotropic};
+use crate::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3};
+use crate::regularise::{ConstantGamma, PathRoughness, Rule};
+use crate::scene::{Material, Mesh, Scene, SceneParts, SharedMesh, Surface, Texture, TextureRef};
+use crate::unit::lab::gallery::materials::{brushed, clearcoated, diffuse, emitter, metal};
+use crate::unit::lab::gallery::shapes::{Placing, disc, quad};
+use crate::unit::lab::verify::bsdfs::DISTRIBUTIONS;
+use crate::unit::support::draws::{numbers, rng};
+use crate::unit::support::gltf::File;
+use crate::unit::support::render::{film, mean, scene};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 use std::f64::consts::PI;
@@ -57,7 +56,7 @@ impl Exact {
     }
 
     fn lambda(&self, w: DVec3) -> f64 {
-        use opsr::bsdf::LobeReal;
+        use crate::bsdf::LobeReal;
         let [x, y] = self.alphas;
         // The inverse of α in the azimuth of w times the tangent.
         let a = w.z / ((x * w.x).powi(2) + (y * w.y).powi(2)).sqrt();
@@ -316,43 +315,6 @@ fn anisotropy_without_coordinates_is_ignored_with_a_warning() {
     let warnings = file.loaded().warnings;
     let message = |w: &String| w.contains("anisotropy is ignored");
     assert!(warnings.iter().any(message), "{warnings:?}");
-}
-
-/// Smooth meshes get a single tangent per vertex, so that highlights show no facets.
-#[test]
-fn loaded_anisotropy_derives_smooth_tangents() {
-    let mut parts = SceneParts::default();
-    let plate = disc(1.0, 12);
-    // Slightly less than a full turn: u would jump at the seam.
-    let uvs = (plate.positions.iter())
-        .map(|p| Vec2::new((p.z.atan2(p.x)) / 6.3, p.length()))
-        .collect();
-    let mut plate = Mesh {
-        uvs,
-        tangents: Vec::new(),
-        ..plate
-    };
-    plate.indices.retain(|face| {
-        let u = face.map(|i| plate.uvs[i as usize].x);
-        (u[0] - u[1]).abs() < 0.5 && (u[1] - u[2]).abs() < 0.5 && (u[0] - u[2]).abs() < 0.5
-    });
-    parts.add(brushed(metal("steel", Rgb::ONE, 0.01), 0.5, 0.0), [plate]);
-    let bytes = opsr_lab::gallery::glb::to_glb(&parts).expect("a small file");
-    let directory = tempfile::tempdir().expect("a folder");
-    let path = directory.path().join("plate.glb");
-    std::fs::write(&path, bytes).expect("written");
-    let options = opsr_formats::options();
-    let loaded = opsr::scene::load::load(&path, &options).expect("loaded");
-    let mesh = &loaded.parts.meshes[0];
-    let read = loaded.parts.materials[0].anisotropy().expect("brushed");
-    assert_eq!((read.strength, read.rotation), (0.5, 0.0));
-    assert_eq!(mesh.tangents.len(), mesh.positions.len());
-    let inner = |p: &&Vec3| p.x > 0.1;
-    let around = mesh.positions.iter().zip(&mesh.tangents);
-    for (p, t) in around.filter(|(p, _)| inner(p)) {
-        let cos = t.truncate().dot(Vec3::Y.cross(*p).normalize()).abs();
-        assert!(cos > 0.99, "{p} {t}");
-    }
 }
 
 /// The coat has its own normal map or none; the base's map does not apply to it.

@@ -1,18 +1,18 @@
 //! Textures, normal maps, opacity and lights without area, against closed forms and geometry.
 
-use super::support::assert_likely;
-use super::support::render::{film, mean, scene};
-use glam::{Affine2, Vec2 as Uv};
-use opsr::bsdf::Bsdf;
-use opsr::math::{Ray, Rgb, Vec2, Vec3};
-use opsr::regularise::Rule;
-use opsr::scene::{
+use crate::bsdf::Bsdf;
+use crate::math::{Ray, Rgb, Vec2, Vec3};
+use crate::regularise::Rule;
+use crate::scene::{
     AlphaMode, Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts,
     Texture, TextureRef, Wrap,
 };
-use opsr_lab::gallery::materials::{clearcoated, coated, diffuse, emitter, metal};
-use opsr_lab::gallery::shapes::{quad, sphere};
-use opsr_lab::verify::chi_square;
+use crate::unit::lab::gallery::materials::{clearcoated, coated, diffuse, emitter, metal};
+use crate::unit::lab::gallery::shapes::{quad, sphere};
+use crate::unit::lab::verify::chi_square;
+use crate::unit::support::assert_likely;
+use crate::unit::support::render::{film, mean, scene};
+use glam::{Affine2, Vec2 as Uv};
 use std::f32::consts::PI;
 use std::f64::consts::FRAC_PI_2;
 
@@ -383,7 +383,7 @@ fn light_sampling(parts: SceneParts) -> f64 {
         let count = f64::from(COUNT);
         expected.push(count * chi_square::integrate(&density, across, down, 0.2 / count));
     }
-    let mut rng = crate::support::draws::rng(5);
+    let mut rng = crate::unit::support::draws::rng(5);
     let mut observed = vec![0; expected.len()];
     for _ in 0..COUNT {
         let u: [f32; 3] = std::array::from_fn(|_| rand::RngExt::random(&mut rng));
@@ -411,7 +411,7 @@ fn light_sampling(parts: SceneParts) -> f64 {
 #[test]
 fn chi_square_light_sampling_of_environment_and_area_lights() {
     let sky = |x: usize, y: usize| Rgb::splat(0.2 + ((7 * x + 3 * y) % 5) as f32);
-    let map = opsr::image::Buffer::from_fn(8, 4, sky);
+    let map = crate::image::Buffer::from_fn(8, 4, sky);
     let mut lamps = SceneParts::default();
     let panel = |at: f32| quad(Vec3::new(-1.0, at, -1.5), Vec3::X * 2.0, Vec3::Z * 3.0);
     lamps.add(emitter("above", Rgb::splat(2.0)), [panel(0.8)]);

@@ -1,13 +1,13 @@
 //! The error of their mean that films state.
 
-use super::support::render::scene;
-use opsr::image::film::{Film, Window};
-use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::{Estimator, Picture, Settings, View};
-use opsr::math::moments::Moments;
-use opsr::math::{DVec3, UVec2};
-use opsr::scene::Scene;
-use opsr_lab::gallery::{builtin, cornell_box};
+use crate::image::film::{Film, Window};
+use crate::integrator::bidirectional::Radius;
+use crate::integrator::{Estimator, Picture, Settings, View};
+use crate::math::moments::Moments;
+use crate::math::{DVec3, UVec2};
+use crate::scene::Scene;
+use crate::unit::lab::gallery::{builtin, cornell_box};
+use crate::unit::support::render::scene;
 
 /// Estimators whose pixels share light paths, and one whose pixels do not.
 const ESTIMATORS: [Estimator; 6] = [

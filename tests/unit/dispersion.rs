@@ -1,12 +1,12 @@
 //! Dispersion: indices of the channels, and each channel against a scene with its index.
 
-use super::support::render;
-use opsr::image::Film;
-use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::{Amounts, Estimator, Settings};
-use opsr::regularise::Rule;
-use opsr::scene::{Material, Scene, SceneParts};
-use opsr_lab::gallery;
+use crate::image::Film;
+use crate::integrator::bidirectional::Radius;
+use crate::integrator::{Amounts, Estimator, Settings};
+use crate::regularise::Rule;
+use crate::scene::{Material, Scene, SceneParts};
+use crate::unit::lab::gallery;
+use crate::unit::support::render;
 
 #[test]
 fn dispersion_gives_the_indices_of_a_known_glass() {
@@ -46,7 +46,7 @@ fn rough_ball(alpha: f32, ior: f32, dispersion: f32) -> Scene {
 /// Mean of a channel over the picture, and its standard error.
 fn channel(film: &Film, c: usize) -> (f64, f64) {
     let n = film.pixels.len() as f64;
-    let sum = |b: opsr::image::Buffer| b.pixels.iter().map(|p| f64::from(p[c])).sum::<f64>();
+    let sum = |b: crate::image::Buffer| b.pixels.iter().map(|p| f64::from(p[c])).sum::<f64>();
     (
         sum(film.mean()) / n,
         sum(film.variance_of_mean()).sqrt() / n,
@@ -136,9 +136,9 @@ fn dispersion_of_levels_is_that_of_the_path_tracer() {
         ..Settings::default()
     };
     let picture = |settings: &Settings| {
-        let mut picture = opsr::integrator::Picture::new(Film::new(glam::UVec2::splat(24)));
+        let mut picture = crate::integrator::Picture::new(Film::new(glam::UVec2::splat(24)));
         let camera = &scene.parts().cameras[0];
-        let view = opsr::integrator::View::of(&scene, camera, &picture.film);
+        let view = crate::integrator::View::of(&scene, camera, &picture.film);
         settings.integrator().pass(&view, 0..128, &mut picture);
         picture.film
     };
