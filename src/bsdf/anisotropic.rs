@@ -82,7 +82,7 @@ impl Anisotropic {
 
     /// The isotropic surface of the same roughness.
     #[inline]
-    pub fn isotropic(&self) -> Glossy {
+    pub(crate) fn isotropic(&self) -> Glossy {
         Glossy {
             f0: self.f0,
             f90: self.f90,
@@ -105,7 +105,7 @@ impl Anisotropic {
     }
 
     /// Local unit tangent of the larger roughness; its sign is arbitrary.
-    pub fn direction(&self) -> Vec2 {
+    pub(crate) fn direction(&self) -> Vec2 {
         let turn = self.number() / (RATIOS + 1);
         let y = turn as f32 * (2.0 / DIRECTIONS as f32) - 1.0;
         Vec2::new(1.0 - y.abs(), y).normalize()
@@ -120,7 +120,7 @@ impl Anisotropic {
     }
 
     /// Roughnesses along and across [`Self::direction`] if the BSDF has roughness `alpha`.
-    pub fn alphas(&self, alpha: f32) -> [f32; 2] {
+    pub(crate) fn alphas(&self, alpha: f32) -> [f32; 2] {
         self.scales().map(|s| alpha * s)
     }
 

@@ -147,7 +147,7 @@ impl Bsdf {
     /// Reduces a pair of directions to a [`LobeQuery`]. `None` where f is zero at every α: a direction on the wrong
     /// side, or a half vector below the horizon.
     #[inline]
-    pub fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
+    pub(crate) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
         match self {
             Self::Diffuse(l) => l.query(wo, wi),
             Self::Glossy(l) => l.query(wo, wi),
@@ -269,7 +269,7 @@ impl Bsdf {
 
     /// The [`Bsdf::sample`] of a direction and lobe from [`Bsdf::direction`] at the same roughness: value and density.
     #[inline]
-    pub fn sample_along(&self, alpha: f32, wo: Vec3, wi: Vec3, lobe: Lobe) -> Option<BsdfSample> {
+    pub(crate) fn sample_along(&self, alpha: f32, wo: Vec3, wi: Vec3, lobe: Lobe) -> Option<BsdfSample> {
         match self {
             Self::Diffuse(l) => l.sample_along(wo, wi),
             Self::Glossy(l) => l.sample_along(alpha, wo, wi, lobe),

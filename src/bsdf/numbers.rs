@@ -36,7 +36,7 @@ pub struct SharedNumbers {
 impl SharedNumbers {
     /// Shares these numbers in [0, 1).
     #[inline(always)]
-    pub fn new(uniform: [f32; 3]) -> Self {
+    pub(crate) fn new(uniform: [f32; 3]) -> Self {
         Self {
             uniform,
             quantiles: OnceCell::new(),

@@ -36,7 +36,7 @@ pub enum Sharing {
 
 impl Sharing {
     /// Combines this with the shared noise of independent samples of the same pixels.
-    pub fn merge(&mut self, other: &Self) {
+    pub(crate) fn merge(&mut self, other: &Self) {
         match (&mut *self, other) {
             (Self::None, Self::None) => {}
             (Self::Batches(all), Self::Batches(more)) => all.merge(more),

@@ -413,7 +413,7 @@ impl Film {
     }
 
     /// Puts a tile made by [`Film::cut`] back: replaces its pixels and adds its refusals. Ignores its shared noise.
-    pub fn paste(&mut self, tile: &Self) {
+    pub(crate) fn paste(&mut self, tile: &Self) {
         for row in 0..tile.window.h {
             let (mine, theirs) = self.row_ranges(&tile.window, row);
             self.pixels[mine].copy_from_slice(&tile.pixels[theirs]);

@@ -59,7 +59,7 @@ impl Amounts {
     }
 
     /// Radii of photon density by these factors; [`LevelError::Radii`] unless 2 to [`MAX_LEVELS`], ascending from 1.
-    pub fn radii(factors: &[f32]) -> Result<Self, LevelError> {
+    pub(crate) fn radii(factors: &[f32]) -> Result<Self, LevelError> {
         RadiusFactors::try_from(factors.to_vec()).map(Self::Radii)
     }
 

@@ -211,7 +211,7 @@ impl Settings {
     }
 
     /// An error unless the estimator and its rule support these amounts.
-    pub fn check_amounts(&self) -> Result<(), LevelError> {
+    pub(crate) fn check_amounts(&self) -> Result<(), LevelError> {
         match (self.estimator, &self.amounts) {
             (_, Amounts::Raw) => Ok(()),
             (Estimator::Sppm(_), Amounts::Radii(_)) => Ok(()),
@@ -256,7 +256,7 @@ impl Settings {
     /// Default amounts: three radii of photon density; blurs of `bdpt` and `vcm`, unless one strategy is shown; in path
     /// tracing four levels if a rule roughens something, blurs in plain path tracing and in scenes without lobes; raw
     /// means for rules of other renderers, as in these. An error if the estimator or the rule allows none of them.
-    pub fn usual_amounts(&self, has_lobes: bool) -> Result<Amounts, LevelError> {
+    pub(crate) fn usual_amounts(&self, has_lobes: bool) -> Result<Amounts, LevelError> {
         if matches!(self.estimator, Estimator::Sppm(_)) {
             return Ok(Amounts::Radii(RadiusFactors::default()));
         }

@@ -96,7 +96,7 @@ impl Statement {
     }
 
     /// Upper bound of the average error, raised as the root is by two standard errors of its square.
-    pub fn bound(&self) -> f64 {
+    pub(crate) fn bound(&self) -> f64 {
         self.mean * (1.0 + 2.0 * self.doubt).sqrt()
     }
 

@@ -18,7 +18,7 @@ impl SceneParts {
     /// Lays a disc, as the last mesh, below the lowest point of the objects that a camera frames. In the light of the
     /// studio it is as bright as the studio's lower half. Scenes with their own ground or sky stay as they are. Camera
     /// rays from below pass through the single-sided floor. Objects that move keep the floor that they have at `rest`.
-    pub fn lay_floor(&mut self, rest: Option<&Self>) {
+    pub(crate) fn lay_floor(&mut self, rest: Option<&Self>) {
         let Some([low, high]) = framing::bounds_on_nothing(rest.unwrap_or(self)) else {
             return;
         };

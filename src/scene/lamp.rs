@@ -26,7 +26,7 @@ pub struct Cone {
 impl Cone {
     /// Share of the radiance in [0, 1] that leaves along the unit vector `dir`: a smooth step in the cosine, as in
     /// Blender's spots.
-    pub fn share(&self, dir: Vec3) -> f32 {
+    pub(crate) fn share(&self, dir: Vec3) -> f32 {
         let width = self.cos_inner - self.cos_outer;
         let x = ((dir.dot(self.direction) - self.cos_outer) / width).clamp(0.0, 1.0);
         x * x * (3.0 - 2.0 * x)

@@ -175,7 +175,7 @@ impl Material {
     /// A partly transmissive dielectric is the mixture t · interface + (1 − t) · coated base; drawing one of the two
     /// with its weight is unbiased and keeps every BSDF small.
     #[inline]
-    pub fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
+    pub(crate) fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
         self.bsdf_of(&self.sampled(textures, uv), u)
     }
 
@@ -408,7 +408,7 @@ impl Material {
     /// Indices of refraction of red, green and blue: Cauchy's formula by the Abbe number V, n(λ) = n + (n − 1)/V
     /// (523655 nm²/λ² − 1.5168) but at least 1 `[KHR_materials_dispersion]`, at the lines C, d and F (656.27, 587.56
     /// and 486.13 nm) that define V.
-    pub fn iors(&self) -> [f32; 3] {
+    pub(crate) fn iors(&self) -> [f32; 3] {
         [656.27f32, 587.56, 486.13].map(|wavelength| {
             let cauchy = 523_655.0 / (wavelength * wavelength) - 1.5168;
             (self.ior + (self.ior - 1.0) * (self.dispersion / 20.0) * cauchy).max(1.0)

@@ -596,7 +596,7 @@ impl Surface {
 
     /// A ray that leaves this surface towards `dir`, starting clear of it.
     #[inline]
-    pub fn spawn(&self, dir: Vec3) -> Ray {
+    pub(crate) fn spawn(&self, dir: Vec3) -> Ray {
         let side = if dir.dot(self.ng) >= 0.0 {
             self.error
         } else {

@@ -44,7 +44,7 @@ impl Radius {
     }
 
     /// Radius of the first iteration: twice the median footprint of a pixel on the first surface that is not Dirac.
-    pub fn first(&self, view: &View<'_>) -> f32 {
+    pub(crate) fn first(&self, view: &View<'_>) -> f32 {
         if let Some(first) = self.first {
             return first;
         }

@@ -71,7 +71,7 @@ impl LightDensity {
 
     /// True for lights that no BSDF sample can hit.
     #[inline]
-    pub fn is_delta(self) -> bool {
+    pub(crate) fn is_delta(self) -> bool {
         matches!(self, Self::Delta(_))
     }
 

@@ -114,7 +114,7 @@ pub(in crate::scene) const FLOOR_ALBEDO: f32 = 0.16745;
 
 /// The studio: neutral walls above an even floor, with dark flags to the left and right of the back wall for the rims of
 /// glass, and four soft lamps. A white matt surface has a radiance of about 1 where the key shines, and 0.4 in its shadow.
-pub fn studio() -> Buffer {
+pub(crate) fn studio() -> Buffer {
     map(STUDIO_ROWS, |dir| {
         let wall = FLOOR + 0.14 * smoothstep(0.0, 0.5, dir.y);
         let side = dir.x.abs() / dir.x.hypot(dir.z).max(1e-9);
