@@ -120,6 +120,7 @@ impl Anisotropic {
     }
 
     /// Roughnesses along and across [`Self::direction`] if the BSDF has roughness `alpha`.
+    #[cfg(test)]
     pub(crate) fn alphas(&self, alpha: f32) -> [f32; 2] {
         self.scales().map(|s| alpha * s)
     }

@@ -269,7 +269,13 @@ impl Bsdf {
 
     /// The [`Bsdf::sample`] of a direction and lobe from [`Bsdf::direction`] at the same roughness: value and density.
     #[inline]
-    pub(crate) fn sample_along(&self, alpha: f32, wo: Vec3, wi: Vec3, lobe: Lobe) -> Option<BsdfSample> {
+    pub(crate) fn sample_along(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        wi: Vec3,
+        lobe: Lobe,
+    ) -> Option<BsdfSample> {
         match self {
             Self::Diffuse(l) => l.sample_along(wo, wi),
             Self::Glossy(l) => l.sample_along(alpha, wo, wi, lobe),

@@ -13,11 +13,13 @@ mod write;
 
 pub use error::{FileError, Problem};
 pub use lock::Claim;
-pub use read::{briefly, read, read_text, stream};
+pub(crate) use read::stream;
+pub use read::{briefly, read, read_text};
 pub use sealed::{Payload, Sealed};
 #[cfg(feature = "toml")]
 pub use toml::toml;
-pub use write::{Target, create_folder, write, write_bytes};
+pub(crate) use write::Target;
+pub use write::{create_folder, write, write_bytes};
 
 /// Lower-case hexadecimal digits of a hash.
 pub fn hex(bytes: &[u8]) -> String {

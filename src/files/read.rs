@@ -22,7 +22,7 @@ pub fn read_text(path: &Path, most: u64) -> Result<String, FileError> {
 }
 
 /// Passes the bytes of a file of at most `most` bytes to `take`, piece by piece.
-pub fn stream(path: &Path, most: u64, take: impl FnMut(&[u8])) -> Result<(), FileError> {
+pub(crate) fn stream(path: &Path, most: u64, take: impl FnMut(&[u8])) -> Result<(), FileError> {
     pieces(path, most, take).map_err(|problem| problem.at(path))
 }
 

@@ -10,7 +10,7 @@ use std::time::{Duration, SystemTime};
 
 /// Destination of a write after symbolic links are followed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Target {
+pub(crate) enum Target {
     /// A regular file, or a free name: replaced as a whole.
     Whole(PathBuf),
     /// A device, a pipe, or an open stream of a process such as `/dev/stdout`: written into, never replaced.

@@ -300,6 +300,7 @@ impl LevelFilm {
     }
 
     /// Means of a level by batch; `level` = number of levels gives the shared light. Black where a batch has no sample.
+    #[cfg(test)]
     pub(crate) fn batch_means(&self, level: usize) -> [Buffer; BATCHES] {
         std::array::from_fn(|batch| {
             let pixel = |index: usize| self.batch_mean(index, batch, level);

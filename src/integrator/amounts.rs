@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 
 /// Scales of a rule's factors at four levels, of which 0 is plain path tracing. A fifth level at 0.128 does not make
 /// better pictures, and three levels make worse ones.
-pub const SCALES: [f32; 4] = [0.0, 0.64, 3.2, 16.0];
+pub(crate) const SCALES: [f32; 4] = [0.0, 0.64, 3.2, 16.0];
 
 /// Factors on the radius within which the same photons count. One is chosen per pixel; the first keeps the radius.
-pub const RADII: [f32; 3] = [1.0, 2.0, 4.0];
+pub(crate) const RADII: [f32; 3] = [1.0, 2.0, 4.0];
 
 /// Settings that cannot have these levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

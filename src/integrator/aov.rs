@@ -52,9 +52,9 @@ pub struct Aovs {
     /// Albedo, normal, depth and coverage.
     pub first: Option<FirstHit>,
     /// Emission and direct light.
-    pub light: Option<LightSplit>,
+    pub(crate) light: Option<LightSplit>,
     /// Time.
-    pub time: Option<PixelTime>,
+    pub(crate) time: Option<PixelTime>,
 }
 
 impl From<FirstHit> for Aovs {
@@ -361,7 +361,7 @@ struct LightSums {
 
 /// Records light by the number of its scatterings.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LightSplit {
+pub(crate) struct LightSplit {
     sums: Vec<LightSums>,
     /// Emission and direct light of a tile's paths.
     log: Log<[Rgb; 2]>,
@@ -471,7 +471,7 @@ impl Recorder for LightSplit {
 
 /// Records the time that the paths of a pixel take.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PixelTime {
+pub(crate) struct PixelTime {
     seconds: Vec<f64>,
     started: Option<Instant>,
     log: Log<f32>,
@@ -532,7 +532,7 @@ pub fn centre(view: &View<'_>, pixel: UVec2) -> Option<(Hit, Surface)> {
 
 /// AOVs that must not be averaged over surfaces, from the ray through the centre of each pixel.
 #[derive(Clone, Debug)]
-pub struct Centres {
+pub(crate) struct Centres {
     /// World position of the surface; zero where there is none.
     pub position: Buffer,
     /// Number of the mesh and of the material, from 1; zero where there is none.

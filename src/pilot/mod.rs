@@ -64,7 +64,7 @@ pub(super) const MISSED: f64 = 0.01;
 
 /// An integrator that could render the picture.
 #[derive(Clone, Debug)]
-pub struct Contender {
+pub(crate) struct Contender {
     /// Kind of integrator.
     pub kind: IntegratorKind,
     /// Settings that determine its picture.
@@ -90,7 +90,7 @@ impl Contender {
 
 /// Length of the render.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Horizon {
+pub(crate) enum Horizon {
     /// The time that the path tracer takes for a number of samples per pixel.
     Samples(u32),
     /// CPU-seconds over all threads.
@@ -99,7 +99,7 @@ pub enum Horizon {
 
 /// Result of the pilot for one contender.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Trial {
+pub(crate) struct Trial {
     /// Kind of integrator.
     pub kind: IntegratorKind,
     /// True if every pixel gets the best of several levels of roughening.
@@ -128,7 +128,7 @@ pub struct Choice {
     /// Name of the best contender.
     name: String,
     /// Results of the contenders in the race, in their order; empty if there was no race.
-    pub trials: Vec<Trial>,
+    pub(crate) trials: Vec<Trial>,
     /// Index of the best in `trials`; `None` without a race.
     pub chosen: Option<usize>,
     /// Index in `trials` of the advised contender.

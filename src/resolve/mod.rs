@@ -59,7 +59,8 @@ pub use tiles::Resolve;
 use tiles::{Chosen, Limits, Shared, edge};
 
 pub(crate) use denoised::denoise_film;
-pub use statement::{Statement, error_of_less_noise, film_error, film_errors};
+pub use statement::{Statement, error_of_less_noise};
+pub(crate) use statement::{film_error, film_errors};
 
 /// A picture whose level of roughening was chosen per pixel.
 #[derive(Clone, Debug, PartialEq)]

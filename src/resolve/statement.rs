@@ -125,7 +125,7 @@ impl Statement {
 /// }
 /// assert_eq!(film_error(&film).mean, 1.0);
 /// ```
-pub fn film_error(film: &Film) -> Statement {
+pub(crate) fn film_error(film: &Film) -> Statement {
     match state(film) {
         State::Unknown => Statement::UNKNOWN,
         State::Black => Statement::BLACK,
@@ -135,7 +135,7 @@ pub fn film_error(film: &Film) -> Statement {
 
 /// Error map of a film of one level: expected relative error of every pixel, without the bias of merges. Its mean is
 /// the [average error](film_error), up to effects at the border. `None` with too few samples.
-pub fn film_errors(film: &Film) -> Option<Vec<f32>> {
+pub(crate) fn film_errors(film: &Film) -> Option<Vec<f32>> {
     let size = (film.window.w as usize, film.window.h as usize);
     match state(film) {
         State::Unknown => None,

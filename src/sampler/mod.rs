@@ -263,7 +263,7 @@ impl SamplerKind {
 
 /// Numbers of camera paths.
 #[derive(Clone, Copy, Debug)]
-pub struct CameraSource {
+pub(crate) struct CameraSource {
     /// Numbers after those of the Sobol sequences, or all numbers without sequences.
     independent: Independent,
     /// Number of Sobol sequences of a pixel, used in turn by its samples; 0 for independent samples.

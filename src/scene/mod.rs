@@ -40,15 +40,14 @@ pub use camera::{Camera, FilmSize, Lens, Projection};
 pub use features::Features;
 pub use geometry::Geometry;
 pub use hit::{Hit, TriangleId};
-pub use light::{
-    Aim, AimShares, Emission, EmissionDensity, EmissionSample, Environment, Falloff, LightDensity,
-    LightSample, Lights, PunctualLight, Target,
-};
+pub(crate) use light::{Aim, AimShares, EmissionDensity, EmissionSample, Target};
+pub use light::{Emission, Environment, Falloff, LightDensity, LightSample, Lights, PunctualLight};
 pub use material::{AlphaMode, Material, TextureRef};
 pub use medium::Medium;
 pub use mesh::{Mesh, SharedMesh};
 pub use parts::SceneParts;
-pub use sensor::{Footprint, Sensor, Sighting};
+pub(crate) use sensor::Sighting;
+pub use sensor::{Footprint, Sensor};
 pub use texture::{Texels, Texture, Wrap};
 
 /// A point of a surface. Except for `curved_height` it does not depend on the ray that hits it.

@@ -15,7 +15,7 @@ pub struct Sensor<'a> {
 
 /// The projection of a point to a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sighting {
+pub(crate) struct Sighting {
     /// Pixel of the full frame.
     pub pixel: UVec2,
     /// Unit direction from the point towards the camera, or the point of its lens.

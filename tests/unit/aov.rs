@@ -1,10 +1,9 @@
 //! AOVs and traced paths against their picture.
 
 use crate::image::film::{Film, Window};
+use crate::integrator::aov::{Centres, LightSplit, PixelTime};
 use crate::integrator::trace::trace;
-use crate::integrator::{
-    Aovs, Centres, FirstHit, LightSplit, Picture, PixelTime, Recorded, Settings, View,
-};
+use crate::integrator::{Aovs, FirstHit, Picture, Recorded, Settings, View};
 use crate::math::{Rgb, UVec2, Vec2};
 use crate::regularise::{Accumulated, Factors, Rule};
 use crate::sampler::{Independent, Seed};

@@ -3,9 +3,8 @@
 use crate::image::film::Window;
 use crate::image::level_film::LevelFilm;
 use crate::image::{Buffer, Film};
-use crate::integrator::{
-    Amounts, Estimator, FirstHit, LevelError, Picture, SCALES, Settings, View,
-};
+use crate::integrator::amounts::SCALES;
+use crate::integrator::{Amounts, Estimator, FirstHit, LevelError, Picture, Settings, View};
 use crate::math::moments::Moments;
 use crate::math::{Rgb, UVec2, Vec3};
 use crate::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};

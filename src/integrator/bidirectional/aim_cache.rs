@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 
 /// The aim of the last view, cached from pass to pass.
 #[derive(Clone, Debug, Default)]
-pub struct AimCache(Arc<Mutex<Option<CachedAim>>>);
+pub(crate) struct AimCache(Arc<Mutex<Option<CachedAim>>>);
 
 #[derive(Debug)]
 struct CachedAim {

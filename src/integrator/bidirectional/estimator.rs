@@ -9,7 +9,7 @@ pub(crate) const MAX_LIGHT_PATHS: u32 = 1 << 20;
 
 /// A bidirectional path tracer, or one of its strategies.
 #[derive(Clone, Debug)]
-pub struct Bidirectional {
+pub(crate) struct Bidirectional {
     /// The strategies that contribute to the picture.
     pub strategies: Strategies,
     /// The merge radius; `None` for connections only.

@@ -51,14 +51,15 @@ mod walk;
 mod weights;
 
 use super::{Integrator, Picture, View};
-pub use aim_cache::AimCache;
-pub use estimator::Bidirectional;
+pub(crate) use aim_cache::AimCache;
+pub(crate) use estimator::Bidirectional;
 pub(crate) use estimator::MAX_LIGHT_PATHS;
 pub(super) use pair::Pairs;
 pub use radius::Radius;
 use sample::SampleLayer;
 use std::ops::Range;
-pub use strategies::{Strategies, Strategy};
+pub(crate) use strategies::Strategies;
+pub use strategies::Strategy;
 
 impl Integrator for Bidirectional {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {

@@ -6,7 +6,7 @@ use std::fmt;
 /// The strategies that contribute, and their weights. Strategy (s, t) takes s vertices of a path from the light walk
 /// and t from the camera walk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Strategies {
+pub(crate) enum Strategies {
     /// All, by the balance heuristic.
     All,
     /// Light tracing: t = 1, and lights that the camera walk hits before its first non-Dirac draw; weight 1.
@@ -15,7 +15,8 @@ pub enum Strategies {
     Density,
     /// One strategy with its weight among all: the pictures of all strategies add up to the whole.
     One(Strategy),
-    /// One strategy with weight 1, for tests.
+    /// One strategy with weight 1.
+    #[cfg(test)]
     Only {
         /// Vertices of the light walk, the light's own included.
         s: u32,
@@ -56,13 +57,14 @@ impl Strategies {
             Self::All | Self::One(_) => balance(),
             Self::Light => f32::from(u8::from(t == 1 || s == 0)),
             Self::Density => f32::from(u8::from(s == 0)),
+            #[cfg(test)]
             Self::Only { s: s1, t: t1 } => f32::from(u8::from((s, t) == (s1, t1))),
         }
     }
 
     /// True if camera walks are closed by light sampling and connections.
     pub(super) fn connects(self) -> bool {
-        matches!(self, Self::All | Self::One(_) | Self::Only { .. })
+        !matches!(self, Self::Light | Self::Density)
     }
 
     /// True if the picture includes contributions of this strategy.

@@ -16,7 +16,7 @@ const SLACK: f32 = 1e-6;
 
 /// A sphere at which light is aimed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Target {
+pub(crate) struct Target {
     /// Centre in world space.
     pub centre: Vec3,
     /// Radius in world units.
@@ -25,7 +25,7 @@ pub struct Target {
 
 /// Distribution of the aimed emission samples of a light.
 #[derive(Clone, Debug, PartialEq)]
-pub struct AimShares {
+pub(crate) struct AimShares {
     /// Share of uniform emission.
     uniform: f32,
     /// Targets, with the share of each.
@@ -34,7 +34,7 @@ pub struct AimShares {
 
 /// The beams of all lights; the default aims none.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Aim {
+pub(crate) struct Aim {
     beams: Vec<Option<AimShares>>,
     /// Beam of each light, by its index as in [`Lights::pmf`](super::Lights::pmf); empty if no light is aimed.
     of_light: Vec<u8>,

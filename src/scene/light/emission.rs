@@ -12,7 +12,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Densities of an emission sample, choice of the light included.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EmissionDensity {
+pub(crate) struct EmissionDensity {
     /// Density of the starting point: per area of an area light; per area across the ray for a light at infinity; the
     /// probability of the choice for a point or spot light.
     pub position: f32,
@@ -24,7 +24,7 @@ pub struct EmissionDensity {
 
 /// A ray of emitted light, which starts a light path.
 #[derive(Clone, Copy, Debug)]
-pub struct EmissionSample {
+pub(crate) struct EmissionSample {
     /// The ray, clear of the light's own surface.
     pub ray: Ray,
     /// Radiance times cosine, intensity or irradiance over the densities: flux of the light path.

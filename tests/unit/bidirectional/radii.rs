@@ -3,8 +3,9 @@
 use crate::image::Buffer;
 use crate::image::film::{Film, Window};
 use crate::image::level_film::LevelFilm;
+use crate::integrator::amounts::RADII;
 use crate::integrator::bidirectional::Radius;
-use crate::integrator::{Amounts, Estimator, LevelError, Picture, RADII, Settings, View};
+use crate::integrator::{Amounts, Estimator, LevelError, Picture, Settings, View};
 use crate::math::UVec2;
 use crate::pilot::witness::missing_light;
 use crate::resolve::{Resolve, resolve_film};

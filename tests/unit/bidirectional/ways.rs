@@ -1,7 +1,8 @@
 //! Both paths of a camera walk at smooth glass.
 
+use crate::integrator::amounts::SCALES;
 use crate::integrator::bidirectional::Radius;
-use crate::integrator::{Amounts, Estimator, SCALES, Settings};
+use crate::integrator::{Amounts, Estimator, Settings};
 use crate::math::{Rgb, Vec3};
 use crate::regularise::Rule;
 use crate::scene::{Material, Mesh, SceneParts};
