@@ -209,8 +209,8 @@ pub(crate) fn merge(
     let crop = crop.transpose()?.and_then(|spec: Spec| spec.crop);
     let window = |size| crop.map_or(Window::full(size), |crop| crop.of(size));
     let merged = watched::<(), _>(py, None, None, |_| match partial {
-        true => part::merge_so_far(&parts, window),
-        false => part::merge(&parts, window, spp),
+        true => part::merge(&parts, window, None, false),
+        false => part::merge(&parts, window, spp, true),
     })?;
     let Merged {
         first,

@@ -50,14 +50,6 @@ pub struct RenderProgress {
     pub error: Option<f64>,
 }
 
-impl RenderProgress {
-    /// Time left, extrapolated from the part that is done.
-    pub fn eta(&self) -> Option<Duration> {
-        let fraction = self.fraction.filter(|&f| f > 0.0)?;
-        Duration::try_from_secs_f64(self.elapsed.as_secs_f64() * (1.0 - fraction) / fraction).ok()
-    }
-}
-
 /// Least samples for a stop by error: fewer samples estimate their own noise too badly.
 const MIN_SAMPLES_FOR_ERROR: u32 = 16;
 

@@ -320,24 +320,8 @@ pub enum MergeError {
 /// Merges parts, in any order, into the picture of a single render, bit for bit.
 ///
 /// `window` maps the size of the frame to the expected pixels; `samples` is their number of samples, by default the
-/// most that a pixel has.
+/// most that a pixel has. Unless `complete`, pixels may have fewer samples, and are black without any.
 pub fn merge(
-    paths: &[PathBuf],
-    window: impl FnOnce(UVec2) -> Window,
-    samples: Option<u32>,
-) -> Result<Merged, MergeError> {
-    merge_all(paths, window, samples, true)
-}
-
-/// The same for incomplete parts: pixels may have fewer samples, and are black without any.
-pub fn merge_so_far(
-    paths: &[PathBuf],
-    window: impl FnOnce(UVec2) -> Window,
-) -> Result<Merged, MergeError> {
-    merge_all(paths, window, None, false)
-}
-
-fn merge_all(
     paths: &[PathBuf],
     window: impl FnOnce(UVec2) -> Window,
     samples: Option<u32>,

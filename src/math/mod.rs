@@ -6,7 +6,7 @@ pub(crate) mod frame;
 pub mod measure;
 pub mod moments;
 pub mod real;
-pub mod warp;
+pub(crate) mod warp;
 
 pub use frame::Frame;
 pub use glam::{DVec2, DVec3, UVec2, Vec2, Vec3, Vec3A, Vec4};

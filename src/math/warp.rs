@@ -21,15 +21,9 @@ pub(crate) fn disk(u: Vec2) -> Vec2 {
 
 /// Cosine-weighted direction of the upper hemisphere, density cos θ / π per steradian.
 #[inline]
-pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
+pub(crate) fn cosine_hemisphere(u: Vec2) -> Vec3 {
     let d = disk(u);
     Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
-}
-
-/// Density of `cosine_hemisphere`, per steradian.
-#[inline]
-pub fn cosine_hemisphere_pdf(cos: f32) -> f32 {
-    cos.max(0.0) * FRAC_1_PI
 }
 
 /// Barycentric weights of the second and third corner for a uniform point of a triangle, density 1/area per area.

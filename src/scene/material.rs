@@ -332,11 +332,6 @@ impl Material {
         }
     }
 
-    /// True if a Lambertian base scatters light at all.
-    pub fn has_base(&self) -> bool {
-        self.metallic < 1.0 && self.transmission < 1.0
-    }
-
     /// True if the surface is a pane: a smooth thin wall, which transmits light straight and does not emit.
     pub(crate) fn is_pane(&self) -> bool {
         !self.solid

@@ -416,7 +416,7 @@ impl Scene {
 
     /// The material at a surface point.
     #[inline]
-    pub fn material(&self, surface: &Surface) -> &Material {
+    pub(crate) fn material(&self, surface: &Surface) -> &Material {
         &self.parts.materials[surface.material as usize]
     }
 

@@ -208,22 +208,6 @@ impl Wrap {
 }
 
 impl Texels {
-    /// Bytes in memory.
-    pub fn bytes(&self) -> u64 {
-        match self {
-            Self::Byte(codes) => codes.len() as u64,
-            Self::Word(codes) => 2 * codes.len() as u64,
-        }
-    }
-
-    /// Address in memory, equal for clones.
-    pub fn address(&self) -> usize {
-        match self {
-            Self::Byte(codes) => codes.as_ptr().addr(),
-            Self::Word(codes) => codes.as_ptr().addr(),
-        }
-    }
-
     /// Bilinear look-up of an image of these channels and this size.
     #[inline]
     pub(super) fn sample(

@@ -33,7 +33,7 @@ fn scene(walls: bool, level: u32, shared: bool) -> Scene {
     let lamp = quad(Vec3::new(-0.4, 0.98, -0.4), Vec3::X * 0.8, Vec3::Z * 0.8);
     parts.add(emitter("lamp", Rgb::splat(6.0)), [lamp]);
     parts.add_camera([0.0, 0.0, 0.98], [0.0, -0.4, -1.0], 70.0);
-    let material = parts.add_material(diffuse("clay", Rgb::splat(0.6)));
+    let material = parts.add(diffuse("clay", Rgb::splat(0.6)), []);
     let mesh = Mesh {
         material,
         ..sphere(Vec3::ZERO, 1.0, level)

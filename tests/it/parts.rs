@@ -95,7 +95,7 @@ fn check(
             path
         };
         let paths: Vec<PathBuf> = pieces.into_iter().enumerate().map(render).collect();
-        let merged = merge(&paths, |_| window(), None).expect("all parts");
+        let merged = merge(&paths, |_| window(), None, true).expect("all parts");
         assert_eq!(merged.samples, SPP);
         let (a, b) = (&merged.picture, &whole);
         assert!(a.film.pixels == b.film.pixels, "{name}, round {round}");
@@ -205,7 +205,7 @@ fn parts_that_are_missing_or_there_twice_are_named() {
     let e = part("e", full, 6..7);
     let text = |paths: &[&PathBuf], samples| {
         let paths: Vec<PathBuf> = paths.iter().copied().cloned().collect();
-        let error = merge(&paths, Window::full, samples).err();
+        let error = merge(&paths, Window::full, samples, true).err();
         error.map_or(String::new(), |e| {
             e.to_string()
                 .replace(&folder.path().display().to_string(), "")
@@ -259,7 +259,7 @@ fn parts_that_are_missing_or_there_twice_are_named() {
         let found = text(&paths, samples);
         assert!(found.contains(words), "{found}");
     }
-    let crop = merge(std::slice::from_ref(&a), |_| right, None).expect_err("another window");
+    let crop = merge(std::slice::from_ref(&a), |_| right, None, true).expect_err("another window");
     assert!(matches!(crop, MergeError::File(_)), "{crop}");
     assert!(
         crop.to_string()

@@ -5,6 +5,7 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use opsr::integrator::drive::RenderProgress;
 use std::io::{IsTerminal, Write};
+use std::time::Duration;
 
 /// Form of the progress.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -65,12 +66,15 @@ impl Bar {
         true_error: Option<f64>,
     ) {
         let seconds = progress.elapsed.as_secs_f64();
+        // Time left, extrapolated from the part that is done.
+        let fraction = progress.fraction.filter(|&f| f > 0.0);
+        let eta = fraction.and_then(|f| Duration::try_from_secs_f64(seconds * (1.0 - f) / f).ok());
         match self {
             Self::Quiet => {}
             Self::Terminal(bar) => {
                 bar.set_position((progress.fraction.unwrap_or(0.0) * STEPS as f64) as u64);
-                let eta = progress.eta().map_or(String::new(), |eta| {
-                    let whole = std::time::Duration::from_secs(eta.as_secs());
+                let eta = eta.map_or(String::new(), |eta| {
+                    let whole = Duration::from_secs(eta.as_secs());
                     format!(", {} left", humantime::format_duration(whole))
                 });
                 let error = progress
@@ -89,7 +93,7 @@ impl Bar {
                     "spp": progress.samples,
                     "seconds": seconds,
                     "fraction": progress.fraction,
-                    "eta": progress.eta().map(|e| e.as_secs_f64()),
+                    "eta": eta.map(|e| e.as_secs_f64()),
                     "error": progress.error.filter(|e| e.is_finite()),
                 });
                 if let Some(number) = frame {

@@ -11,7 +11,7 @@ use opsr::integrator::{View, centre};
 use opsr::pilot::advise;
 use opsr::regularise::{GammaIndex, LEN, Rule, bin};
 use opsr::render::open::Opened;
-use opsr::scene::{Environment, Material, PunctualLight, Scene, SceneParts, Texture};
+use opsr::scene::{Environment, Material, PunctualLight, Scene, SceneParts, Texels, Texture};
 use opsr_formats::FORMATS;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -75,7 +75,7 @@ fn seen(args: &InfoArgs, opened: &Opened, Pixel(pixel): Pixel) -> anyhow::Result
         facts["meets"] = "nothing".into();
         return Ok(facts);
     };
-    let of = scene.material(&surface);
+    let of = &scene.parts().materials[surface.material as usize];
     // Small numbers would draw a clear coat instead of its base.
     let u = if of.clearcoat().is_some() { 0.25 } else { 0.0 };
     let alpha = scene.bsdf(&mut surface, u).alpha();
@@ -156,8 +156,12 @@ fn shorts<const N: usize>(numbers: [f32; N]) -> Value {
 /// One texture per image: several textures may share their texels.
 fn images(parts: &SceneParts) -> Vec<&Texture> {
     let mut images: Vec<&Texture> = parts.textures.iter().collect();
-    images.sort_by_key(|t| t.texels.address());
-    images.dedup_by_key(|t| t.texels.address());
+    let address = |t: &Texture| match &t.texels {
+        Texels::Byte(codes) => codes.as_ptr().addr(),
+        Texels::Word(codes) => codes.as_ptr().addr(),
+    };
+    images.sort_by_key(|t| address(t));
+    images.dedup_by_key(|t| address(t));
     images
 }
 
@@ -177,8 +181,12 @@ fn memory(scene: &Scene) -> u64 {
     const BYTES: [u64; 3] = [270, 290, 60];
     let parts = scene.parts();
     let vertices: usize = parts.all_meshes().map(|mesh| mesh.positions.len()).sum();
+    let bytes = |t: &Texture| match &t.texels {
+        Texels::Byte(codes) => codes.len() as u64,
+        Texels::Word(codes) => 2 * codes.len() as u64,
+    };
     // The smaller mip levels add a third.
-    let texels: u64 = images(parts).iter().map(|t| t.texels.bytes() * 4 / 3).sum();
+    let texels: u64 = images(parts).iter().map(|t| bytes(t) * 4 / 3).sum();
     let [triangle, emitter, vertex] = BYTES;
     let lamps = scene.lights().emissive_triangles() as u64;
     let map = parts
@@ -232,7 +240,7 @@ fn reachable(scene: &Scene) -> usize {
             bins[bin(m.alpha)] |= !m.is_lambert();
             bins[bin(m.lobe_alpha())] |= m.anisotropy().is_some();
             // A diffuse base scatters, too.
-            bins[3] |= m.has_base();
+            bins[3] |= m.metallic < 1.0 && m.transmission < 1.0;
         }
     }
     (0..LEN)

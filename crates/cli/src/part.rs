@@ -124,7 +124,7 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     let denoiser = spec.denoiser().into_exit()?;
     spec.check_layers(&args.output).into_exit()?;
     let window = |size| (args.crop.0.crop).map_or(Window::full(size), |crop| crop.of(size));
-    let merged = merge(&args.parts, window, args.spp).map_err(|error| match error {
+    let merged = merge(&args.parts, window, args.spp, true).map_err(|error| match error {
         // The usual exit codes of these causes.
         MergeError::File(error) => anyhow::Error::from(error),
         MergeError::Memory(shortage) => shortage.into(),

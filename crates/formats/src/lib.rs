@@ -25,7 +25,7 @@ use opsr::math::Rgb;
 use opsr::scene::load::error::{Fault, Result, Warnings, fault};
 use opsr::scene::load::uris::Files;
 use opsr::scene::load::{FileLight, Formats, LoadOptions, Loaded, Reader, Unsupported};
-use opsr::scene::{Material, Medium, Mesh, SceneParts};
+use opsr::scene::{Material, Medium, Mesh, PunctualLight, SceneParts};
 use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
@@ -272,7 +272,12 @@ impl Context {
             material.emission *= factor;
         }
         for light in &mut parts.lights {
-            light.brighten(factor);
+            match light {
+                PunctualLight::Point { intensity, .. } | PunctualLight::Spot { intensity, .. } => {
+                    *intensity *= factor;
+                }
+                PunctualLight::Directional { irradiance, .. } => *irradiance *= factor,
+            }
         }
         if let Some(sky) = &parts.environment {
             parts.environment = Some(sky.brightened(factor));

@@ -246,18 +246,6 @@ impl Layers {
         }
     }
 
-    /// Takes out a layer with these channels, without the layer's prefix; `None` if one of them is missing.
-    pub fn take(&mut self, layer: &str, channels: &[&'static str]) -> Option<Layer> {
-        let all = channels.iter().map(|channel| {
-            let values = self.channels.remove(&join(layer, channel))?;
-            Some((*channel, values))
-        });
-        Some(Layer {
-            channels: all.collect::<Option<_>>()?,
-            name: layer.to_owned(),
-        })
-    }
-
     /// The picture of a layer: its colour, its vector, or its only channel in grey. The name may omit a prefix, as in
     /// `Depth` for `ViewLayer.Depth`, if that is unambiguous.
     pub fn layer(&self, name: &str) -> Result<Buffer, Problem> {

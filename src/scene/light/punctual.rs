@@ -76,14 +76,6 @@ pub enum PunctualLight {
 }
 
 impl PunctualLight {
-    /// Multiplies the light by a factor.
-    pub fn brighten(&mut self, factor: f32) {
-        match self {
-            Self::Point { intensity, .. } | Self::Spot { intensity, .. } => *intensity *= factor,
-            Self::Directional { irradiance, .. } => *irradiance *= factor,
-        }
-    }
-
     /// Emitted power (luminance), to choose among lights; light from infinity enters through the area `disk`.
     pub(super) fn power(&self, disk: f64) -> f64 {
         let power = |c: Rgb| f64::from(luminance(c)).max(0.0);

@@ -34,7 +34,7 @@ fn tiles(film: &Film, edge: u32) -> Vec<[f64; 3]> {
         }
         sum
     };
-    film.tiles(edge).iter().map(tile).collect()
+    film.window.tiles(edge).iter().map(tile).collect()
 }
 
 /// Mean and standard error over independent pictures, because the pixels of one picture are correlated.

@@ -63,13 +63,13 @@ fn denoised_picture_keeps_the_noisy_one_as_a_layer() {
     place.render(&format!("{args} -o noisy.exr")).done();
     let levels = ["each.exr", "noisy.exr"].map(|file| {
         let layers = exr::read_layers(&place.path().join(file)).expect("layers");
-        let level = layers.picture(["level1.R", "level1.G", "level1.B"]);
+        let level = layers.layer("level1");
         level.expect("a layer")
     });
     assert_eq!(levels[0], levels[1]);
     let layers = exr::read_layers(&place.path().join("clean.exr")).expect("layers");
     let noisy = picture(&place, "noisy.exr");
-    let kept = layers.picture(["noisy.R", "noisy.G", "noisy.B"]);
+    let kept = layers.layer("noisy");
     assert_eq!(kept.expect("a layer"), noisy);
     assert!(picture(&place, "clean.exr") != noisy);
     place.opsr("resolve a.ckpt --denoise -o again.exr").done();

@@ -12,10 +12,10 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::part::{MergeError, Part, merge};
 use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Recorded, Settings, View};
-use opsr::math::{UVec2, Vec2, Vec3};
+use opsr::math::{UVec2, Vec3};
 use opsr::regularise::file::TableFile;
 use opsr::scene::load::{LoadOptions, Unsupported, load};
-use opsr::scene::{Camera, Environment, Scene, Texels};
+use opsr::scene::{Environment, Scene, SceneParts, Texels};
 use opsr_lab::report::bench::page::page;
 use opsr_lab::report::bench::{Results, Suite, summary};
 use opsr_train::manifest::Manifest;
@@ -82,7 +82,7 @@ pub(crate) fn foreign() -> Vec<Target> {
         let (meshes, lights) = (parts.meshes.len(), parts.lights.len());
         let own = parts.cameras.first().cloned();
         let scene = Scene::new(parts);
-        let camera = own.unwrap_or_else(|| Camera::framing(scene.geometry().bounds(), 1.0));
+        let camera = own.unwrap_or_else(|| scene.framing_camera(1.0));
         let mut picture = Picture {
             film: opsr::image::Film::new(UVec2::splat(2)),
             aovs: None,
@@ -388,7 +388,7 @@ pub(crate) fn gltf() -> Target {
             let contents: String = contents.into_iter().flatten().collect();
             let own = parts.cameras.first().cloned();
             let scene = Scene::new(parts);
-            let camera = own.unwrap_or_else(|| Camera::framing(scene.geometry().bounds(), 1.0));
+            let camera = own.unwrap_or_else(|| scene.framing_camera(1.0));
             let mut picture = Picture {
                 film: opsr::image::Film::new(UVec2::splat(2)),
                 aovs: None,
@@ -462,9 +462,15 @@ pub(crate) fn hdr() -> Target {
             for dir in [Vec3::X, Vec3::Y, Vec3::NEG_Y, Vec3::NEG_Z] {
                 assert!(map.radiance(dir).is_finite());
             }
-            for u in [Vec2::ZERO, Vec2::splat(0.999_999_9)] {
-                if let Some((dir, radiance, pdf)) = map.sample(u.into()) {
-                    assert!(dir.is_finite() && radiance.is_finite() && pdf > 0.0);
+            let parts = SceneParts {
+                environment: Some(map.clone()),
+                ..SceneParts::default()
+            };
+            let scene = Scene::new(parts);
+            for u in [0.0, 0.999_999_9] {
+                if let Some(light) = scene.lights().sample(Vec3::ZERO, [u; 3].into()) {
+                    assert!(light.wi.is_finite() && light.radiance.is_finite());
+                    assert!(light.density.value() > 0.0);
                 }
             }
             assert!(map.average().min_element() >= 0.0);
@@ -616,7 +622,7 @@ fn part(samples: std::ops::Range<u32>, amounts: Amounts) -> Vec<u8> {
         ..Settings::default()
     };
     let aovs = Recorded {
-        first: amounts.has_batches(),
+        first: amounts.films() > 1,
         ..Recorded::default()
     };
     let part = Part::new(fingerprint(), &view, samples, amounts, aovs);
@@ -651,7 +657,7 @@ pub(crate) fn parts() -> Target {
                 paths.push(folder.path().join("first.part"));
                 text(std::fs::write(&paths[1], first))?;
             }
-            let merged = merge(&paths, |_| seeds::film().window, None);
+            let merged = merge(&paths, |_| seeds::film().window, None, true);
             let other = format!("{}/", folder.path().display());
             let merged = merged.map_err(|e| match e {
                 MergeError::Samples(what) => format!("{}: {what}", path.display()),

@@ -9,7 +9,7 @@ use super::options::PictureOptions;
 use super::output::note;
 use anyhow::{Context, anyhow};
 use opsr::Aov;
-use opsr::image::exr::{self, Layers, Metadata};
+use opsr::image::exr::{self, Layer, Layers, Metadata};
 use opsr::image::film::Window;
 use opsr::integrator::View;
 use opsr::render::files::check_distinct;
@@ -178,9 +178,21 @@ fn read_frame(path: &Path, number: u32, mut read: Layers, camera: Camera) -> any
     if picture.pixels.iter().any(|p| !p.is_finite()) {
         return Err(at("a pixel is not finite"));
     }
-    let layers = LAYERS
-        .iter()
-        .filter_map(|(_, layer, channels)| read.take(layer, channels));
+    let mut take = |layer: &str, channel: &&'static str| {
+        let name = [layer, channel];
+        let name = name.into_iter().filter(|part| !part.is_empty());
+        let name = name.collect::<Vec<_>>().join(".");
+        Some((*channel, read.channels.remove(&name)?))
+    };
+    let layers = LAYERS.iter().filter_map(|(_, layer, channels)| {
+        Some(Layer {
+            channels: channels
+                .iter()
+                .map(|c| take(layer, c))
+                .collect::<Option<_>>()?,
+            name: (*layer).to_owned(),
+        })
+    });
     let layers = layers.collect();
     let mut plane = |name: &str| read.channels.remove(name).unwrap_or_default();
     let error = plane("error");

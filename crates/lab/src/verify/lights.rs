@@ -4,9 +4,10 @@ use super::{Finding, Numbers};
 use crate::gallery::furnace_sphere;
 use crate::gallery::materials::emitter;
 use crate::gallery::shapes::quad;
+use opsr::bsdf::{Bsdf, Diffuse};
 use opsr::image::Buffer;
 use opsr::math::measure::balance;
-use opsr::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3, warp};
+use opsr::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3};
 use opsr::sampler::LightU;
 use opsr::scene::{Environment, LightSample, Material, Mesh, Scene, SceneParts, Surface};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
@@ -93,6 +94,7 @@ impl Square {
 /// largest relative difference between the densities of a light sample and of a ray towards it.
 fn sampled(scene: &Scene, normal: Vec3, numbers: &mut Numbers) -> (f64, f64) {
     let frame = Frame::from_normal(normal);
+    let diffuse = Bsdf::Diffuse(Diffuse { albedo: Rgb::ONE });
     let (mut sum, mut apart) = (0.0f64, 0.0f64);
     for i in 0..STRATA * STRATA {
         let cell = Vec2::new((i % STRATA) as f32, (i / STRATA) as f32);
@@ -103,7 +105,7 @@ fn sampled(scene: &Scene, normal: Vec3, numbers: &mut Numbers) -> (f64, f64) {
             at,
         };
         if let Some(light) = scene.lights().sample(Vec3::ZERO, u) {
-            let pdf = warp::cosine_hemisphere_pdf(light.wi.dot(normal));
+            let pdf = light.wi.dot(normal).max(0.0) * FRAC_1_PI as f32;
             let weight = light.density.mis_weight(pdf) * pdf / light.density.value();
             sum += f64::from(light.radiance.x * weight);
             // A ray through the very edge may miss the light.
@@ -112,9 +114,10 @@ fn sampled(scene: &Scene, normal: Vec3, numbers: &mut Numbers) -> (f64, f64) {
                 apart = apart.max((ratio - 1.0).abs());
             }
         }
-        let local = warp::cosine_hemisphere(lobe);
+        let drawn = diffuse.direction(1.0, Vec3::Z, [0.0, lobe.x, lobe.y]);
+        let local = drawn.map_or(Vec3::Z, |(wi, _)| wi);
         let ray = Ray::new(Vec3::ZERO, frame.to_world(local).normalize());
-        let pdf = warp::cosine_hemisphere_pdf(local.z);
+        let pdf = local.z * FRAC_1_PI as f32;
         if let Some(seen) = scene.emission_along(&ray)
             && pdf > 0.0
         {

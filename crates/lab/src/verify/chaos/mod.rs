@@ -267,7 +267,7 @@ fn in_parts(
         })?;
         paths.push(path);
     }
-    let merged = part::merge(&paths, Window::full, Some(samples))?;
+    let merged = part::merge(&paths, Window::full, Some(samples), true)?;
     let whole = picture(scene, settings, full, &[samples]);
     Ok(apart(&merged.picture, &whole))
 }
