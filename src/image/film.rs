@@ -394,7 +394,7 @@ impl Film {
     // ── tiles ──
 
     /// The window cut into tiles of at most `edge` pixels a side, row by row.
-    pub fn tiles(&self, edge: u32) -> Vec<Window> {
+    pub(crate) fn tiles(&self, edge: u32) -> Vec<Window> {
         self.window.tiles(edge)
     }
 
@@ -507,7 +507,7 @@ impl Film {
 
     /// Estimated variance of one sample. Variances above the largest single-precision number become that number; see
     /// [`Film::clipped_variances`].
-    pub fn sample_variance(&self) -> Buffer {
+    pub(crate) fn sample_variance(&self) -> Buffer {
         self.picture(|m| m.sample_variance().min(LARGEST))
     }
 

@@ -74,7 +74,7 @@ impl Amounts {
     }
 
     /// True if samples are stored in independent batches.
-    pub fn has_batches(&self) -> bool {
+    pub(crate) fn has_batches(&self) -> bool {
         self.films() > 0
     }
 

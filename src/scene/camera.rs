@@ -266,7 +266,7 @@ impl Camera {
     /// The nearest camera that sees a whole box in three-quarter view from the front right, for a picture of the given
     /// width over height. A box that is empty, a point or not finite is replaced by the unit cube around its centre, or
     /// around the origin.
-    pub fn framing(bounds: (Vec3, Vec3), aspect: f32) -> Self {
+    pub(crate) fn framing(bounds: (Vec3, Vec3), aspect: f32) -> Self {
         let (low, high) = (bounds.0.as_dvec3(), bounds.1.as_dvec3());
         let mut centre = 0.5 * (low + high);
         let mut half = 0.5 * (high - low);

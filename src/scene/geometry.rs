@@ -395,7 +395,7 @@ impl Geometry {
     }
 
     /// Lower and upper corner of the scene; both zero if it is empty.
-    pub fn bounds(&self) -> (Vec3, Vec3) {
+    pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
         self.accel.bounds()
     }
 

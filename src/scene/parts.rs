@@ -38,7 +38,7 @@ pub struct SceneParts {
 
 impl SceneParts {
     /// Adds a material.
-    pub fn add_material(&mut self, material: Material) -> u32 {
+    pub(crate) fn add_material(&mut self, material: Material) -> u32 {
         self.materials.push(material);
         self.materials.len() as u32 - 1
     }

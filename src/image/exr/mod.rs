@@ -207,7 +207,7 @@ pub struct Layers {
 
 impl Layers {
     /// The picture in three channels, such as `["R", "G", "B"]`, or the name of the one that is missing.
-    pub fn picture(&self, names: [&str; 3]) -> Result<Buffer, Problem> {
+    pub(crate) fn picture(&self, names: [&str; 3]) -> Result<Buffer, Problem> {
         let [r, g, b] = names.map(|n| self.channel(n));
         let (r, g, b) = (r?, g?, b?);
         Ok(Buffer {
@@ -311,7 +311,7 @@ impl Layers {
     }
 
     /// One channel by its full name.
-    pub fn channel(&self, name: &str) -> Result<&[f32], Problem> {
+    pub(crate) fn channel(&self, name: &str) -> Result<&[f32], Problem> {
         self.channels.get(name).map(Vec::as_slice).ok_or_else(|| {
             let found: Vec<&str> = self.channels.keys().map(String::as_str).collect();
             let found = found.join(", ");

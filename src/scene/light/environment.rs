@@ -159,7 +159,7 @@ impl Environment {
 
     /// A direction, its radiance, and its density per steradian; `None` for a black map.
     #[inline]
-    pub fn sample(&self, u: DVec2) -> Option<(Vec3, Rgb, f32)> {
+    pub(crate) fn sample(&self, u: DVec2) -> Option<(Vec3, Rgb, f32)> {
         let ([x, y], inside, pmf) = self.texels.as_ref()?.sample(u);
         let (map, solid_angle) = (&self.map, self.solid_angles[y]);
         let phi = ((x as f32 + inside.x) / map.width as f32 - 0.5) * TAU - self.rotation;
