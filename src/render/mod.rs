@@ -17,7 +17,7 @@
 //! own list of options, or of their valid combinations.
 
 pub(crate) mod fault;
-pub mod files;
+mod files;
 pub(crate) mod finished;
 pub mod look;
 mod method;
@@ -28,6 +28,7 @@ pub(crate) mod spec;
 pub mod value;
 
 pub use fault::{Cause, Fault, Names};
+pub use files::can_write;
 pub use finished::{Finished, Outcome, STATED, Shown};
 pub use request::{Output, PreparedRender, Request, Subject, run};
 pub use spec::{Effect, Heading, OPTIONS, Opt, Spec, renamed};

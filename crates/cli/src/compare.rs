@@ -7,9 +7,9 @@ use anyhow::{Context, anyhow};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::outputs::check_distinct;
 use opsr::files;
 use opsr::image::{exr, png};
-use opsr::render::files::check_distinct;
 use opsr_lab::report::compare::{Comparison, Named, Options, compare_with, cut_to_common};
 use opsr_lab::report::page;
 use opsr_lab::stats::agreement;

@@ -5,12 +5,12 @@ use super::info;
 use super::listener::Saved;
 use super::output::{command, note, percent};
 use super::render_args::RenderArgs;
+use crate::outputs::Outputs;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::drive::RenderProgress;
 use opsr::integrator::{View, centre};
 use opsr::math::{Rgb, UVec2};
 use opsr::render::Request;
-use opsr::render::files::Outputs;
 use opsr::render::open::Opened;
 use opsr::resolve::Statement;
 

@@ -28,6 +28,7 @@ mod info;
 mod listener;
 mod options;
 mod output;
+mod outputs;
 mod pace;
 mod part;
 mod references;

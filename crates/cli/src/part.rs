@@ -9,12 +9,13 @@ use super::render::{open, remark_choice, request, spec_files};
 use super::render_args::ProgramArgs;
 use super::stop::Stop;
 use super::threads::set_threads;
+use crate::outputs::{Outputs, check_distinct, check_layers};
 use anyhow::anyhow;
 use opsr::Aov;
 use opsr::image::film::Window;
 use opsr::integrator::drive::RenderProgress;
 use opsr::integrator::part::{MergeError, Merged, merge};
-use opsr::render::files::{Outputs, can_write, check_distinct};
+use opsr::render::can_write;
 use opsr::render::{Fault, Outcome, Request, Spec};
 use std::ops::{ControlFlow, Range};
 use std::path::PathBuf;
@@ -122,7 +123,7 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     let spec = &args.files.0;
     let outputs = Outputs::new(&args.output).into_exit()?;
     let denoiser = spec.denoiser().into_exit()?;
-    spec.check_layers(&args.output).into_exit()?;
+    check_layers(spec, &args.output).into_exit()?;
     let window = |size| (args.crop.0.crop).map_or(Window::full(size), |crop| crop.of(size));
     let merged = merge(&args.parts, window, args.spp, true).map_err(|error| match error {
         // The usual exit codes of these causes.

@@ -9,6 +9,7 @@ use super::output::note;
 use super::render_args::RenderArgs;
 use super::stop::Stop;
 use super::threads::set_threads;
+use crate::outputs::{Outputs, check_distinct, check_layers};
 use anyhow::anyhow;
 use opsr::Aov;
 use opsr::bsdf::Distribution;
@@ -19,7 +20,7 @@ use opsr::integrator::Picture;
 use opsr::integrator::drive::{Reason, RenderProgress};
 use opsr::integrator::method::IntegratorKind;
 use opsr::pilot::Choice;
-use opsr::render::files::{Outputs, can_write, check_distinct};
+use opsr::render::can_write;
 use opsr::render::look::CameraChoice;
 use opsr::render::open::Opened;
 use opsr::render::value::TableChoice;
@@ -36,7 +37,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     }
     let began = Instant::now();
     let mut spec = spec(args, args.render.0.clone()).into_exit()?;
-    spec.check_layers(&args.output).into_exit()?;
+    check_layers(&spec, &args.output).into_exit()?;
     let outputs = Outputs::new(&args.output).into_exit()?;
     let denoiser = spec.denoiser().into_exit()?;
     for path in args.others() {

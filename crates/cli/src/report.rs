@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use opsr::files;
-use opsr::render::files::can_write;
+use opsr::render::can_write;
 use opsr_lab::report::bench::page::{overalls, page, plots};
 use opsr_lab::report::bench::{Results, summary};
 

@@ -2,10 +2,11 @@
 
 use super::exit::{Blame, IntoExit};
 use super::options::FileOptions;
+use crate::outputs::Outputs;
+use crate::outputs::check_layers;
 use anyhow::anyhow;
 use opsr::integrator::checkpoint::Checkpoint;
 use opsr::render::Outcome;
-use opsr::render::files::Outputs;
 use std::path::PathBuf;
 
 /// Options of `opsr resolve`.
@@ -26,7 +27,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let spec = &args.files.0;
     let outputs = Outputs::new(&args.output).into_exit()?;
     let denoiser = spec.denoiser().into_exit()?;
-    spec.check_layers(&args.output).into_exit()?;
+    check_layers(spec, &args.output).into_exit()?;
     let film = Checkpoint::open(&args.film).input()?;
     let path = args.film.display();
     let version = env!("CARGO_PKG_VERSION");

@@ -3,12 +3,13 @@
 use super::super::exit::{Blame, IntoExit};
 use super::super::output::{command, percent};
 use super::movie::Movie;
+use crate::outputs::{Outputs, check_distinct, check_layers};
 use anyhow::anyhow;
 use opsr::image::display::Display;
 use opsr::image::exr::{self, Header, Layer, Metadata};
 use opsr::image::png;
 use opsr::math::Vec2;
-use opsr::render::files::{Outputs, can_write, check_distinct};
+use opsr::render::can_write;
 use opsr::render::{Fault, STATED, Spec};
 use opsr_frames::{Averaged, Frame, FrameNames};
 use std::path::{Path, PathBuf};
@@ -65,7 +66,7 @@ impl FrameOutputs {
         let mut shown = files.clone();
         // A movie has an exposure and a view, as a PNG file has.
         shown.extend(outputs.movies().map(|path| path.with_extension("png")));
-        spec.check_layers(&shown).into_exit()?;
+        check_layers(spec, &shown).into_exit()?;
         if motion && !files.iter().any(|file| has_ending(file, "exr")) {
             let what = "motion is a layer of EXR files: add -o with a name that ends in .exr";
             return Err(anyhow!(what)).usage();
