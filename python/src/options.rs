@@ -174,8 +174,20 @@ pub(crate) fn _options(function: &str) -> String {
             "name": option.name,
             "type": (option.python)(),
             "default": default,
-            "help": option.keyword_help(),
+            "help": keyword_help(option),
         })
     });
     Value::Array(described.collect()).to_string()
+}
+
+/// Help in one line, with other options by their keywords.
+fn keyword_help(option: &Opt) -> String {
+    let mut help = option.help();
+    let mut flags: Vec<&Opt> = OPTIONS.iter().collect();
+    // The longest first, because some flags are prefixes of others.
+    flags.sort_by_key(|option| std::cmp::Reverse(option.flag().len()));
+    for option in flags {
+        help = help.replace(&format!("--{}", option.flag()), option.name);
+    }
+    help
 }

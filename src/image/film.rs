@@ -107,7 +107,7 @@ impl Window {
 
 /// Reason to refuse a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Cause {
+pub(crate) enum Cause {
     /// A channel is not a number.
     Nan,
     /// A channel is infinite and none is not a number.
@@ -135,7 +135,7 @@ pub struct RejectedSample {
     /// Number of the sample within the pixel.
     pub sample: u32,
     /// The reason.
-    pub cause: Cause,
+    pub(crate) cause: Cause,
 }
 
 /// Refused samples of a film: counts by cause, and the first few by pixel and number.
@@ -320,11 +320,6 @@ impl Film {
             rejected: Rejected::default(),
             sharing: Sharing::None,
         }
-    }
-
-    /// Full-frame pixel of `pixels[index]`.
-    pub fn pixel(&self, index: usize) -> UVec2 {
-        self.window.pixel(index)
     }
 
     /// Adds the value of `sample` to `pixels[index]`, or refuses it if it is not finite.

@@ -6,28 +6,27 @@ use crate::image::film::Film;
 use std::ops::Range;
 
 /// Counts of vertices over traced paths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Census {
+#[derive(Default)]
+struct Census {
     /// Vertices at which light was gathered.
-    pub vertices: u64,
+    vertices: u64,
     /// Vertices among them with a roughened lobe.
-    pub regularised: u64,
+    regularised: u64,
 }
 
-impl Census {
-    /// Counts along the paths with these sample numbers through the window of `film`, which is not changed.
-    pub fn take(settings: &Settings, view: &View<'_>, samples: Range<u32>, film: &Film) -> Self {
-        let tracer = settings.tracer(settings.rule.clone());
-        let source = settings.source();
-        let mut census = Self::default();
-        tracer.estimate(view, &source, samples, &mut film.clone(), &mut census);
-        census
-    }
-
-    /// Share of the vertices that were regularised; zero without vertices.
-    pub fn share(&self) -> f64 {
-        self.regularised as f64 / self.vertices.max(1) as f64
-    }
+/// Share of the vertices that are regularised, along the paths with these sample numbers through the window of `film`,
+/// which is not changed; zero without vertices.
+pub fn regularised_share(
+    settings: &Settings,
+    view: &View<'_>,
+    samples: Range<u32>,
+    film: &Film,
+) -> f64 {
+    let tracer = settings.tracer(settings.rule.clone());
+    let source = settings.source();
+    let mut census = Census::default();
+    tracer.estimate(view, &source, samples, &mut film.clone(), &mut census);
+    census.regularised as f64 / census.vertices.max(1) as f64
 }
 
 impl PathObserver for Census {

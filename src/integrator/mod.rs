@@ -32,7 +32,7 @@ use crate::math::UVec2;
 use crate::math::moments::Moments;
 pub use amounts::{Amounts, LevelError, Scales};
 pub use aov::{Aovs, FirstHit, Recorded, centre};
-pub use census::Census;
+pub use census::regularised_share;
 pub(crate) use path::PathTracer;
 pub use settings::{Estimator, Settings};
 use std::ops::Range;

@@ -277,7 +277,7 @@ fn write_sample(one: &Picture, sample: u32, out: &mut dyn Write) -> io::Result<(
         let value = if moments.n > 0 {
             moments.mean.as_vec3()
         } else {
-            let pixel = one.film.pixel(index);
+            let pixel = one.film.window.pixel(index);
             let first = refused.first.iter().find(|r| r.pixel == pixel);
             let nan = first.map_or(unknown > 0, |r| r.cause == Cause::Nan);
             unknown -= u64::from(nan && first.is_none());

@@ -195,14 +195,6 @@ impl CameraChoice {
             Self::Numbers(look) => Ok(Some(**look)),
         }
     }
-
-    /// The file to read, if any.
-    pub fn file(&self) -> Option<&Path> {
-        match self {
-            Self::File(path) => Some(path),
-            Self::Named(_) | Self::Numbers(_) => None,
-        }
-    }
 }
 
 impl Field for CameraChoice {

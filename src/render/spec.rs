@@ -46,17 +46,11 @@ pub enum Heading {
     Files,
 }
 
-impl Heading {
-    /// The heading in words.
-    pub fn words(self) -> &'static str {
+impl std::fmt::Display for Heading {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Scene => "Scene",
-            Self::Light => "Light",
-            Self::Camera => "Camera",
-            Self::Stop => "When to stop",
-            Self::Method => "Method",
-            Self::Research => "Research",
-            Self::Files => "Files",
+            Self::Stop => f.write_str("When to stop"),
+            other => write!(f, "{other:?}"),
         }
     }
 }
@@ -165,11 +159,6 @@ impl Opt {
         }
     }
 
-    /// True for a detail of a method, which has no flag of its own.
-    pub fn is_research(&self) -> bool {
-        self.heading == Heading::Research
-    }
-
     /// An error unless the option takes this value.
     pub(crate) fn check(&self, value: &Value) -> Result<(), String> {
         (self.check)(value, &self.range)
@@ -187,18 +176,6 @@ impl Opt {
             .split_once(". ")
             .map_or(help.as_str(), |(first, _)| first);
         first.trim_end_matches('.').to_owned()
-    }
-
-    /// Help in one line, with other options by their keywords.
-    pub fn keyword_help(&self) -> String {
-        let mut help = self.help();
-        let mut flags: Vec<&Self> = OPTIONS.iter().collect();
-        // The longest first, because some flags are prefixes of others.
-        flags.sort_by_key(|option| std::cmp::Reverse(option.flag().len()));
-        for option in flags {
-            help = help.replace(&format!("--{}", option.flag()), option.name);
-        }
-        help
     }
 
     /// The option with this name.
@@ -394,7 +371,7 @@ const RENAMED: [(&str, &str); 16] = [
 pub fn renamed(name: &str) -> Option<String> {
     let key = name.replace('-', "_");
     let replaced = RENAMED.iter().find(|(old, _)| *old == key);
-    let moved = || Opt::named(&key).filter(|option| option.is_research());
+    let moved = || Opt::named(&key).filter(|option| option.heading == Heading::Research);
     replaced
         .map(|(_, new)| (*new).to_owned())
         .or_else(|| moved().map(|option| format!("{{{}}}={}", option.name, option.value)))

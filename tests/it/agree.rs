@@ -19,7 +19,7 @@ const EDGE: u32 = 32;
 fn film(seed: u32, spp: u32, f: impl Fn(UVec2, Rgb) -> Rgb) -> Film {
     let mut film = Film::new(UVec2::splat(EDGE));
     for i in 0..film.pixels.len() {
-        let pixel = film.pixel(i);
+        let pixel = film.window.pixel(i);
         for s in 0..spp {
             film.push(i, f(pixel, noise(pixel, s, seed)), s);
         }

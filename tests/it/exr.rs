@@ -1,5 +1,6 @@
 //! EXR and PNG files.
 
+use crate::support::srgb;
 use std::collections::{BTreeMap, BTreeSet};
 
 use ::exr::prelude as exrs;
@@ -22,7 +23,7 @@ fn small_film() -> Film {
     let mut film = Film::cropped(UVec2::new(30, 20), window).unwrap();
     for i in 0..film.pixels.len() {
         for s in 0..1 + (i as u32 % 5) {
-            let value = noise(film.pixel(i), s, 3) * 100.0;
+            let value = noise(film.window.pixel(i), s, 3) * 100.0;
             film.push(i, value, s);
         }
     }
@@ -33,6 +34,15 @@ fn picture(f: impl Fn(usize, usize) -> Rgb) -> Buffer {
     Buffer::from_fn(21, 18, f)
 }
 
+/// A vector in three channels.
+fn xyz(name: &str, picture: &Buffer) -> Layer {
+    let plane = |i: usize| picture.pixels.iter().map(|p| p[i]).collect();
+    Layer {
+        name: name.to_owned(),
+        channels: vec![("X", plane(0)), ("Y", plane(1)), ("Z", plane(2))],
+    }
+}
+
 #[test]
 fn exr_round_trip_of_film_layers_and_metadata() {
     let folder = tempfile::tempdir().unwrap();
@@ -41,7 +51,7 @@ fn exr_round_trip_of_film_layers_and_metadata() {
     let normal = picture(|x, y| Rgb::new(x as f32, -(y as f32), f32::INFINITY));
     let depth: Vec<f32> = (0..film.pixels.len()).map(|i| i as f32 * 0.1).collect();
     let layers = [
-        Layer::xyz("normal", &normal),
+        xyz("normal", &normal),
         Layer::scalar("depth", depth.clone()),
     ];
     let metadata = BTreeMap::from([
@@ -218,7 +228,7 @@ fn png_round_trip_within_eight_bits() {
     let read = png::read(&path).unwrap();
     assert_eq!(read.size(), ramp.size());
     for (a, b) in read.pixels.iter().zip(&ramp.pixels) {
-        let encoded = |p: Rgb| p.to_array().map(png::srgb_encode);
+        let encoded = |p: Rgb| p.to_array().map(srgb);
         for (a, b) in encoded(*a).into_iter().zip(encoded(*b * 0.5)) {
             assert!((a - b).abs() <= 0.5001 / 255.0);
         }

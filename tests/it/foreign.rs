@@ -285,8 +285,8 @@ fn foreign_cameras_see_the_right_side() {
     assert!((right(mitsuba) - Vec3::new(-1.0, 0.0, 1.0).normalize()).length() < 1e-5);
     // pbrt's fov is that of the shorter side.
     assert!((right(pbrt) - Vec3::new(2.0, 0.0, 1.0).normalize()).length() < 1e-5);
-    assert_eq!(mitsuba.default_frame().to_array(), [200, 100]);
-    assert_eq!(pbrt.default_frame().to_array(), [200, 100]);
+    assert_eq!(mitsuba.film.expect("a film").size.to_array(), [200, 100]);
+    assert_eq!(pbrt.film.expect("a film").size.to_array(), [200, 100]);
 }
 
 /// Names of Mitsuba 0.5, and parameters of pbrt in other units.

@@ -172,7 +172,7 @@ fn aov_centres_lie_on_their_surfaces() {
             .camera
             .project(*position, aspect, Vec2::ZERO)
             .unwrap();
-        let expected = film.pixel(i).as_vec2() + Vec2::splat(0.5);
+        let expected = film.window.pixel(i).as_vec2() + Vec2::splat(0.5);
         assert!((place * SIZE.as_vec2() - expected).length() < 1e-3, "{i}");
         let [mesh, material] = [centres.ids[0][i], centres.ids[1][i]];
         assert!(mesh >= 1.0 && (1.0..=materials).contains(&material));

@@ -11,7 +11,7 @@ fn render(film: &mut Film, edge: u32, from: u32, to: u32) {
         let mut part = film.cut(tile);
         for i in 0..part.pixels.len() {
             for s in from..to {
-                part.push(i, noise(part.pixel(i), s, 7), s);
+                part.push(i, noise(part.window.pixel(i), s, 7), s);
             }
         }
         film.paste(&part);

@@ -211,7 +211,7 @@ impl Analogue<'_> {
         };
         let source = Independent { seed: Seed(77) };
         for index in 0..film.pixels.len() {
-            let pixel = film.pixel(index);
+            let pixel = film.window.pixel(index);
             for sample in 0..spp {
                 let mut stream = source.stream(pixel, sample);
                 let place = pixel.as_vec2() + stream.film();

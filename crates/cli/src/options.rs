@@ -14,7 +14,7 @@ fn arg(option: &'static Opt) -> Arg {
         .long(option.flag())
         .help(option.short_help())
         .long_help(option.help())
-        .help_heading(option.heading.words())
+        .help_heading(option.heading.to_string())
         .hide_short_help(!option.common);
     if option.value.is_empty() {
         return arg.action(ArgAction::SetTrue);
@@ -68,7 +68,9 @@ fn checked(option: &'static Opt, text: &str) -> Result<String, String> {
 
 /// The option `--set`, whose help lists its keys.
 fn details() -> Arg {
-    let keys = OPTIONS.iter().filter(|option| option.is_research());
+    let keys = OPTIONS
+        .iter()
+        .filter(|option| option.heading == Heading::Research);
     let keys = keys.map(|option| {
         let names = (option.names)().join("|");
         let value = match (option.value, names.as_str()) {
@@ -86,7 +88,7 @@ fn details() -> Arg {
         .long_help(format!(
             "A detail of the method; may be given several times.\n\n{keys}"
         ))
-        .help_heading(Heading::Research.words())
+        .help_heading(Heading::Research.to_string())
         .action(ArgAction::Append)
         .value_parser(|text: &str| detail(text).map(|_| text.to_owned()))
 }
@@ -97,11 +99,13 @@ fn detail(text: &str) -> Result<(&'static Opt, &str), String> {
         Some((key, value)) => (key, Some(value)),
         None => (text, None),
     };
-    let option = Opt::named(key).filter(|option| option.is_research());
+    let option = Opt::named(key).filter(|option| option.heading == Heading::Research);
     let option = option.ok_or_else(|| match Opt::named(key) {
         Some(option) => format!("`{key}` is an option of its own, --{}", option.flag()),
         None => {
-            let keys = OPTIONS.iter().filter(|option| option.is_research());
+            let keys = OPTIONS
+                .iter()
+                .filter(|option| option.heading == Heading::Research);
             let keys: Vec<&str> = keys.map(|option| option.name).collect();
             format!("no key `{key}`: there are {}", keys.join(", "))
         }
@@ -135,11 +139,13 @@ fn read(matches: &ArgMatches, wanted: fn(&Opt) -> bool) -> Result<Spec, clap::Er
     };
     if OPTIONS
         .iter()
-        .any(|option| option.is_research() && wanted(option))
+        .any(|option| option.heading == Heading::Research && wanted(option))
     {
         read_details(&mut spec, matches).map_err(fault)?;
     }
-    let flags = OPTIONS.iter().filter(|option| !option.is_research());
+    let flags = OPTIONS
+        .iter()
+        .filter(|option| option.heading != Heading::Research);
     for option in flags.filter(|option| wanted(option)) {
         let name = option.name;
         if matches.value_source(name) != Some(ValueSource::CommandLine) {
@@ -170,7 +176,7 @@ macro_rules! groups {
                     let (details, flags): (Vec<_>, Vec<_>) = OPTIONS
                         .iter()
                         .filter(|option| wanted(option))
-                        .partition(|option| option.is_research());
+                        .partition(|option| option.heading == Heading::Research);
                     let of_film = flags.iter().all(|option| option.heading == Heading::Files || option.of_film);
                     let flag = |option: &'static Opt| match of_film && option.name == "aov" {
                         true => level_layers(arg(option)),

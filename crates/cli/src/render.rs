@@ -20,6 +20,8 @@ use opsr::integrator::Picture;
 use opsr::integrator::drive::{Reason, RenderProgress};
 use opsr::integrator::method::IntegratorKind;
 use opsr::pilot::Choice;
+use opsr::regularise::file::TableFile;
+use opsr::regularise::{Factors, Rule};
 use opsr::render::can_write;
 use opsr::render::look::CameraChoice;
 use opsr::render::open::Opened;
@@ -135,7 +137,11 @@ fn remark(request: &Request<'_>) {
         );
     }
     let ggx = request.spec.distribution == Some(Distribution::Ggx);
-    if ggx && request.settings.rule.table().is_some() {
+    let learned = matches!(
+        &request.settings.rule,
+        Rule::Accumulated(rule) if matches!(rule.factors, Factors::Table(_))
+    );
+    if ggx && learned {
         tracing::warn!("--distribution ggx: tables are learned for Beckmann lobes");
     }
     for note in &request.notes {
@@ -167,8 +173,14 @@ pub(super) fn check_files(
 
 /// The files that a spec names.
 pub(super) fn spec_files(spec: &Spec) -> impl Iterator<Item = &Path> {
-    let table = spec.table.as_ref().and_then(TableChoice::file);
-    let camera = spec.camera.as_ref().and_then(CameraChoice::file);
+    let table = spec.table.as_ref().and_then(|table| match table {
+        TableChoice::File(path) if path.exists() || !TableFile::is_built_in(path) => Some(&**path),
+        _ => None,
+    });
+    let camera = spec.camera.as_ref().and_then(|camera| match camera {
+        CameraChoice::File(path) => Some(&**path),
+        CameraChoice::Named(_) | CameraChoice::Numbers(_) => None,
+    });
     let env = spec.env.as_deref();
     env.into_iter().chain(table).chain(camera)
 }

@@ -57,7 +57,7 @@ pub(super) fn run(args: &TraceArgs) -> anyhow::Result<()> {
     let request = &request(&spec, &opened, &name)?;
     let settings = &request.settings;
     let path = matches!(settings.estimator, Estimator::Path { .. });
-    if request.spec.kind() != request.kind || !path || settings.amounts.has_choice() {
+    if request.spec.kind() != request.kind || !path || settings.amounts.films() > 1 {
         let what = "a trace shows paths of --integrator path with one level";
         return Err(anyhow!(what)).usage();
     }

@@ -2,11 +2,10 @@
 
 use super::options::Options;
 use glam::DAffine3;
-use opsr::Aov;
 use opsr::image::Buffer;
 use opsr::image::film::Window;
 use opsr::integrator::trace::{TracedPath, trace};
-use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
+use opsr::integrator::{Amounts, Estimator, Picture, Recorded, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3, luminance};
 use opsr::render::Fault;
 use opsr::render::open::Opened;
@@ -197,7 +196,10 @@ impl Viewpoint {
             return Some(first.clone());
         }
         let view = self.view(size);
-        let parts = Aov::recorded(&[Aov::Albedo]);
+        let parts = Recorded {
+            first: true,
+            ..Recorded::default()
+        };
         let mut picture = Picture::blank(size, view.window, &Amounts::Raw, parts).ok()?;
         let settings = Settings {
             max_vertices: 1,

@@ -10,7 +10,7 @@ fn film(seed: u64, samples: u32, light: impl Fn(usize) -> (f32, f32)) -> Film {
     for pixel in 0..film.pixels.len() {
         let (even, chance) = light(pixel);
         for sample in 0..samples {
-            let place = film.pixel(pixel);
+            let place = film.window.pixel(pixel);
             let hit = source.stream(place, sample).next_1d() < chance;
             let rare = if hit { 1.0 / chance } else { 0.0 };
             film.push(pixel, Rgb::splat(even + rare), sample);

@@ -10,7 +10,7 @@ use crate::integrator::layers::Aov;
 use crate::regularise::file::TableFile;
 use crate::resolve::Resolve;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Attenuation factors: a file, the name of a built-in table, a loaded table, or one factor.
@@ -36,14 +36,6 @@ impl TableChoice {
     /// True for a table, false for one factor.
     pub(crate) fn has_classes(&self) -> bool {
         !matches!(self, Self::Factor(_))
-    }
-
-    /// The file to read; `None` for loaded and built-in tables.
-    pub fn file(&self) -> Option<&Path> {
-        match self {
-            Self::File(path) if path.exists() || !TableFile::is_built_in(path) => Some(path),
-            _ => None,
-        }
     }
 }
 

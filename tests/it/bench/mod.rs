@@ -399,7 +399,9 @@ fn table_of_a_suite_may_be_named() {
     let learned = table().spec;
     let named = |path: &Path| Some(TableChoice::File(path.to_owned()));
     assert_eq!(learned.table, named(Path::new("beta-0.001")));
-    assert!(learned.method().unwrap().table_sha256.is_some());
+    let mut loaded = learned.clone();
+    loaded.load_table().unwrap();
+    assert!(matches!(loaded.table, Some(TableChoice::Loaded(..))));
     std::fs::write(folder.path().join("beta-0.001"), "another").unwrap();
     assert_eq!(table().spec.table, named(&folder.path().join("beta-0.001")));
 }

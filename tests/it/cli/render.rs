@@ -4,6 +4,7 @@ use super::{RunResult, TestFolder};
 use crate::fuzz::seeds;
 use crate::support::gltf::File;
 use crate::support::root;
+use crate::support::srgb;
 use opsr::image::{exr, png};
 use opsr_lab::gallery::{self, glb};
 use serde_json::json;
@@ -30,7 +31,7 @@ fn render_writes_its_outputs_and_nothing_else() {
     let picture = exr::read_rgb(&place.path().join("out.exr")).unwrap();
     let shown = png::read(&place.path().join("out.png")).unwrap();
     for (p, q) in picture.pixels.iter().zip(&shown.pixels) {
-        let encode = |x: f32| png::srgb_encode(x.clamp(0.0, 1.0));
+        let encode = |x: f32| srgb(x.clamp(0.0, 1.0));
         let off = |a: f32, b: f32| (encode(a) - encode(b)).abs();
         assert!(off(p.x, q.x).max(off(p.y, q.y)).max(off(p.z, q.z)) < 0.003);
     }

@@ -3,7 +3,7 @@
 use super::TestFolder;
 use crate::fuzz::seeds;
 use opsr::image::exr::{self, Layers};
-use opsr::render::Opt;
+use opsr::render::{Heading, Opt};
 use opsr_lab::gallery;
 use std::path::Path;
 
@@ -80,7 +80,7 @@ fn options(layers: &Layers) -> Vec<String> {
     let choices = choices.filter(|(key, _)| !NO_OPTIONS.contains(&key.as_str()));
     let typed = choices.flat_map(|(key, value)| {
         let option = Opt::named(key).unwrap_or_else(|| panic!("{key} is no option"));
-        match (option.is_research(), option.value.is_empty()) {
+        match (option.heading == Heading::Research, option.value.is_empty()) {
             (true, _) => vec!["--set".into(), format!("{key}={value}")],
             (false, true) => vec![format!("--{}", option.flag())],
             (false, false) => vec![format!("--{}={value}", option.flag())],

@@ -35,3 +35,11 @@ pub(crate) fn holds(findings: impl IntoIterator<Item = Finding>) {
 pub(crate) fn assert_likely(p_values: &[(f64, String)]) {
     holds(vec![chi_square::finding("chi-square", p_values)]);
 }
+
+/// The transfer function of sRGB, of a value in [0, 1].
+pub(crate) fn srgb(x: f32) -> f32 {
+    match x <= 0.003_130_8 {
+        true => 12.92 * x,
+        false => 1.055 * x.powf(1.0 / 2.4) - 0.055,
+    }
+}

@@ -34,7 +34,9 @@ fn exact_length(scene: &Scene, edges: u32, spp: u32) -> Film {
         let short = (edges > 2).then(|| radiance(edges - 2, sample));
         for index in 0..film.pixels.len() {
             let shorter = match &short {
-                None => radiance_of_emitters(scene, &view, film.pixel(index), &source, sample),
+                None => {
+                    radiance_of_emitters(scene, &view, film.window.pixel(index), &source, sample)
+                }
                 Some(short) => short.pixels[index],
             };
             film.push(index, long.pixels[index] - shorter, sample);

@@ -71,7 +71,7 @@ impl Simple {
         for first in (0..spp).step_by(BATCH as usize) {
             let samples = first..spp.min(first + BATCH);
             let value = |index: usize, sample: u32| {
-                let pixel = film.pixel(index);
+                let pixel = film.window.pixel(index);
                 let mut stream = source.stream(pixel, sample);
                 let ray = sensor.ray(pixel.as_vec2() + stream.film());
                 self.exposure(pixel) * self.radiance(scene, &sensor, ray, &mut stream)

@@ -21,7 +21,7 @@ use opsr::files::{self, Problem, hex};
 use opsr::image::denoise::Denoiser;
 use opsr::image::film::Film;
 use opsr::image::{Buffer, exr};
-use opsr::integrator::{Census, Picture};
+use opsr::integrator::{Picture, regularised_share};
 use opsr::math::UVec2;
 use opsr::pilot::stopwatch::Stopwatch;
 use opsr::render::value::{Crop, Size};
@@ -312,9 +312,8 @@ impl Bench<'_> {
                 shown = last;
             }
         }
-        let census = Census::take(settings, &view, 0..CENSUS, &scene.blank);
         let run = Run {
-            regularised: census.share(),
+            regularised: regularised_share(settings, &view, 0..CENSUS, &scene.blank),
             scene: spec.name.clone(),
             method: name.to_owned(),
             seed,
