@@ -15,7 +15,7 @@ use crate::files::{self, FileError, Problem};
 use crate::math::Rgb;
 
 /// The sRGB curve: linear [0, 1] to display [0, 1].
-pub fn srgb_encode(x: f32) -> f32 {
+pub(crate) fn srgb_encode(x: f32) -> f32 {
     if x <= 0.003_130_8 {
         12.92 * x
     } else {

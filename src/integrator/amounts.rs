@@ -79,7 +79,7 @@ impl Amounts {
     }
 
     /// True if there are several films to choose among.
-    pub fn has_choice(&self) -> bool {
+    pub(crate) fn has_choice(&self) -> bool {
         self.films() > 1
     }
 }

@@ -73,7 +73,7 @@ impl Aov {
     }
 
     /// Parts of the AOVs that these layers need.
-    pub fn recorded(wanted: &[Self]) -> Recorded {
+    pub(crate) fn recorded(wanted: &[Self]) -> Recorded {
         let any = |of: &[Self]| of.iter().any(|aov| wanted.contains(aov));
         Recorded {
             first: any(&[Self::Albedo, Self::Normal, Self::Depth, Self::Alpha]),

@@ -49,7 +49,7 @@ impl Rule {
     }
 
     /// The table, for a rule that has one.
-    pub fn table(&self) -> Option<&AttenuationTable> {
+    pub(crate) fn table(&self) -> Option<&AttenuationTable> {
         match self {
             Self::Accumulated(Accumulated {
                 factors: Factors::Table(table),

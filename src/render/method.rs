@@ -240,7 +240,7 @@ impl Spec {
     }
 
     /// The method, with the table loaded from its file.
-    pub fn method(&self) -> Result<Method, FileError> {
+    pub(crate) fn method(&self) -> Result<Method, FileError> {
         let (mut table_sha256, mut table_scenes) = (None, None);
         let accumulated = |factors| {
             Rule::Accumulated(Accumulated {

@@ -232,7 +232,7 @@ impl Camera {
     }
 
     /// Columns and rows of a picture by default: those of the file, or 512 rows with the camera's aspect ratio.
-    pub fn default_frame(&self) -> UVec2 {
+    pub(crate) fn default_frame(&self) -> UVec2 {
         const ROWS: u32 = 512;
         if let Some(film) = self.film {
             return film.size;

@@ -117,7 +117,7 @@ impl Layer {
     }
 
     /// A direction or place: `name.X`, `name.Y`, `name.Z`.
-    pub fn xyz(name: &str, picture: &Buffer) -> Self {
+    pub(crate) fn xyz(name: &str, picture: &Buffer) -> Self {
         Self::vector(name, picture, ["X", "Y", "Z"])
     }
 
