@@ -2,8 +2,8 @@
 //!
 //! Path tracing pushes one value per sample; an integrator that splats accumulates a pass and pushes one value per
 //! pass. A tile is a film too, with a smaller window: [`Film::cut`] it out with the moments so far, push to it on
-//! any thread, and [`Film::paste`] the tiles back in order. So a render is bitwise the same at any number of
-//! threads, and several passes are bitwise one long pass.
+//! any thread, and put the tiles back in order. So a render is bitwise the same at any number of threads, and several
+//! passes are bitwise one long pass.
 //!
 //! A sample that is not finite is never turned black: it is refused, counted by cause and listed.
 
@@ -506,7 +506,8 @@ impl Film {
         self.picture(|m| m.sample_variance().min(LARGEST))
     }
 
-    /// Estimated variance of the mean: the squared error bar of the picture. Clipped as [`Film::sample_variance`] is.
+    /// Estimated variance of the mean: the squared error bar of the picture. Variances above the largest
+    /// single-precision number become that number; see [`Film::clipped_variances`].
     pub fn variance_of_mean(&self) -> Buffer {
         self.picture(|m| m.variance_of_mean().min(LARGEST))
     }

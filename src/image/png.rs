@@ -23,7 +23,7 @@ pub(crate) fn srgb_encode(x: f32) -> f32 {
     }
 }
 
-/// The inverse of [`srgb_encode`].
+/// The linear value in [0, 1] of a value encoded in sRGB.
 pub fn srgb_decode(y: f32) -> f32 {
     if y <= 0.040_45 {
         y / 12.92

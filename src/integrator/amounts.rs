@@ -27,12 +27,12 @@ pub enum LevelError {
     /// The consistent variant needs no levels: with a choice of levels the bias vanishes anyhow.
     #[error("the consistent variant has one level only")]
     Consistent,
-    /// Factors on the radius of photon density that are not 2 to [`MAX_LEVELS`] numbers, ascending from 1.
+    /// Factors on the radius of photon density that are not 2 to 8 numbers, ascending from 1.
     #[error(
         "levels of sppm are 2 to {MAX_LEVELS} factors on its radius, ascending from 1, such as 1,2,4"
     )]
     Radii,
-    /// Scales that are not 2 to [`MAX_LEVELS`] numbers, ascending from 0.
+    /// Scales that are not 2 to 8 numbers, ascending from 0.
     #[error("expected 2 to {MAX_LEVELS} scales of levels, ascending from 0")]
     Scales,
 }
@@ -63,7 +63,7 @@ impl Amounts {
         RadiusFactors::try_from(factors.to_vec()).map(Self::Radii)
     }
 
-    /// Number of films in batches: 0 for raw means, else from 1 to [`MAX_LEVELS`].
+    /// Number of films in batches: 0 for raw means, else from 1 to 8.
     pub fn films(&self) -> usize {
         match self {
             Self::Raw => 0,
@@ -127,16 +127,16 @@ macro_rules! ascending {
 }
 
 ascending! {
-    /// Scales of the rule's factors at the levels of a render: 2 to [`MAX_LEVELS`], ascending from 0, which is
-    /// plain path tracing.
+    /// Scales of the rule's factors at the levels of a render: 2 to 8, ascending from 0, which is plain path
+    /// tracing.
     Scales from 0.0, SCALES, Scales;
-    /// Factors on the radius of photon density: 2 to [`MAX_LEVELS`], ascending from 1.
+    /// Factors on the radius of photon density: 2 to 8, ascending from 1.
     RadiusFactors from 1.0, RADII, Radii;
 }
 
 impl Scales {
-    /// Scales of this number of levels: 0, and descending from the roughest of [`SCALES`] by factors of 5. `None` for
-    /// fewer than 2 and more than [`MAX_LEVELS`].
+    /// Scales of this number of levels: 0, and descending from the roughest of the default ones by factors of 5. `None` for
+    /// fewer than 2 and more than 8.
     pub fn of_count(levels: usize) -> Option<Self> {
         let roughest = SCALES[SCALES.len() - 1];
         let scale = |k: usize| roughest * 0.2f32.powi((levels - 1 - k) as i32);

@@ -61,7 +61,7 @@ impl Picture {
     /// The same of albedo, normal and depth; measured: 181. Light and time take less.
     const AOV_BYTES: u64 = 195;
 
-    /// An empty picture with the films of these amounts and with these [parts](layers::Aov::recorded) of AOVs.
+    /// An empty picture with the films of these amounts and with these parts of AOVs.
     pub fn blank(
         size: UVec2,
         window: Window,

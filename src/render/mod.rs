@@ -11,7 +11,7 @@
 //! | `request` | a spec checked against a scene: frame, camera, settings, pilot; [`run`] |
 //! | `output` | metadata, checkpoints and parts of a request |
 //! | `finished` | the end of a render: choice, denoiser, errors, layers |
-//! | [`files`] | the files of a picture |
+//! | `files` | the files of a picture |
 //!
 //! The command line, the Python package, benches and [`Render`](crate::Render) use this module. None of them has its
 //! own list of options, or of their valid combinations.

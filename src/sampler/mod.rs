@@ -349,7 +349,7 @@ fn interleaved(x: u32, y: u32) -> u32 {
     spread(x) | spread(y) << 1
 }
 
-/// Stream of [`CameraSource`] or of light paths: Sobol points if there is a sequence, then independent numbers.
+/// Stream of a camera path or of a light path: Sobol points if there is a sequence, then independent numbers.
 #[derive(Clone, Debug)]
 pub struct PathStream {
     rest: IndependentStream,

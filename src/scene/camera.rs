@@ -187,7 +187,7 @@ impl Camera {
     }
 
     /// Film position of a point seen through the point `through` of the lens, unit direction from it to the lens in
-    /// world space, and the distance to the lens; the inverse of [`Camera::ray_through`], and of [`Camera::ray`] for a
+    /// world space, and the distance to the lens; the inverse of [`Camera::ray`] for a
     /// camera without a lens or the middle of one. `None` for points that are not in front of the camera.
     #[inline]
     pub fn project(&self, point: Vec3, aspect: f32, through: Vec2) -> Option<(Vec2, Vec3, f32)> {

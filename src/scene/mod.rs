@@ -604,7 +604,8 @@ impl Surface {
         Ray::new(self.position + side * self.ng, dir)
     }
 
-    /// [`Surface::spawn`] for a walk, whose direction may be below the plane of a triangle of a curved surface.
+    /// A ray from the surface, offset so that it does not meet it again; its direction may be below the plane of a
+    /// triangle of a curved surface.
     #[inline]
     pub fn spawn_leaving(&self, dir: Vec3) -> Ray {
         if self.is_below(dir) {

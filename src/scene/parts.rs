@@ -32,7 +32,7 @@ pub struct SceneParts {
     /// True if each boundary of a body defines both its sides: it refracts by its own index, whatever bodies are
     /// around. Scenes of other renderers use it.
     pub own_boundaries: bool,
-    /// True if the last mesh is the [floor](SceneParts::lay_floor) of the studio.
+    /// True if the last mesh is the floor of the studio.
     pub has_floor: bool,
 }
 
