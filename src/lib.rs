@@ -30,7 +30,7 @@
 //! | 2 | [`bsdf`] | BSDFs that are evaluated *at* a roughness |
 //! | 3 | [`image`] | films of running moments, EXR and PNG, relative errors |
 //! | 3 | [`scene`] | glTF files, meshes, the tree, materials, lights, cameras |
-//! | 4 | [`integrator`] | estimators and the steps they share; modes, budgets, checkpoints, parts |
+//! | 4 | [`integrator`] | estimators and the steps they share; budgets, checkpoints, parts |
 //! | 5 | [`resolve`] | the level and blur of every pixel, chosen without a reference, and its error |
 //! | 5 | [`pilot`] | the integrator of a scene, chosen by small renders |
 //! | 6 | [`render`] | options, checked against a scene; the run; the finished picture and its files |

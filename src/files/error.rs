@@ -61,11 +61,6 @@ impl FileError {
         matches!(self.problem, Problem::Write(_) | Problem::InUse)
     }
 
-    /// True if there is not enough memory for the content.
-    pub fn is_shortage(&self) -> bool {
-        matches!(self.problem, Problem::Memory(_))
-    }
-
     /// True if there is no such file.
     pub fn is_missing(&self) -> bool {
         matches!(&self.problem, Problem::Read(e) if e.kind() == io::ErrorKind::NotFound)

@@ -1,7 +1,7 @@
 //! Names by which users choose an estimator and a rule, and the table of estimators.
 //!
 //! A new estimator is a variant of [`Estimator`], a branch in [`Settings::integrator`](super::Settings::integrator), a
-//! row of the table here, and a mode in [`modes`](super::modes) for random checks.
+//! row of the table here, and a mode in `crates/lab/src/verify/modes.rs` for random checks.
 
 use super::Estimator;
 use super::bidirectional::Radius;

@@ -15,19 +15,6 @@ pub enum Names {
     Keys,
 }
 
-/// Source of a fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cause {
-    /// Invalid options.
-    Usage,
-    /// An input file.
-    Input,
-    /// An output file.
-    Output,
-    /// Too little memory.
-    Memory,
-}
-
 /// An error before or during a render. In texts, `{name}` stands for the option of that name.
 #[derive(Debug)]
 pub enum Fault {
@@ -60,18 +47,6 @@ impl Fault {
     /// A fault of the options.
     pub fn usage(what: impl fmt::Display) -> Self {
         Self::Usage(what.to_string())
-    }
-
-    /// The source of the fault.
-    pub fn cause(&self) -> Cause {
-        match self {
-            Self::Option { .. } | Self::Usage(_) => Cause::Usage,
-            Self::File(error) if error.is_shortage() => Cause::Memory,
-            Self::File(error) if error.is_write() => Cause::Output,
-            Self::File(_) | Self::Input(_) => Cause::Input,
-            Self::Output(_) => Cause::Output,
-            Self::Memory(..) => Cause::Memory,
-        }
     }
 
     /// For an option's fault the reason without the option's name, else the message; with options in this style.

@@ -27,7 +27,7 @@ pub(crate) mod request;
 pub(crate) mod spec;
 pub mod value;
 
-pub use fault::{Cause, Fault, Names};
+pub use fault::{Fault, Names};
 pub use files::can_write;
 pub use finished::{Finished, Outcome, STATED, Shown};
 pub use request::{Output, PreparedRender, Request, Subject, run};

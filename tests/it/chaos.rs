@@ -1,10 +1,10 @@
 //! Random combinations of options on random scenes.
 
-use opsr::integrator::modes::MODES;
 use opsr::integrator::{Estimator, Settings};
 use opsr::scene::Scene;
 use opsr_lab::gallery::cornell_box;
 use opsr_lab::verify::chaos::{agree, modes, run, trial};
+use opsr_lab::verify::modes::MODES;
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 

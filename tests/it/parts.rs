@@ -6,11 +6,11 @@ use crate::support::render::scene;
 use opsr::image::film::Window;
 use opsr::image::level_film::PathLevels;
 use opsr::integrator::checkpoint::Fingerprint;
-use opsr::integrator::modes::{MODES, Uniform};
 use opsr::integrator::part::{MergeError, Part, merge};
 use opsr::integrator::{Amounts, Estimator, Integrator, Picture, Recorded, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr_lab::gallery::caustic_box;
+use opsr_lab::verify::modes::{MODES, Uniform};
 use std::ops::{ControlFlow, Range};
 use std::path::PathBuf;
 

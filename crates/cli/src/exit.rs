@@ -1,8 +1,8 @@
 //! Exit codes, and the errors that lead to them.
 
-use opsr::files::FileError;
+use opsr::files::{FileError, Problem};
 use opsr::memory::Shortage;
-use opsr::render::{Cause, Fault, Names};
+use opsr::render::{Fault, Names};
 
 /// Exit code of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,9 +73,14 @@ impl<T, E: Into<anyhow::Error>> Blame<T> for Result<T, E> {
     }
 }
 
+/// True if there is not enough memory for the content of a file.
+pub(super) fn of_memory(error: &FileError) -> bool {
+    matches!(error.problem, Problem::Memory(_))
+}
+
 /// True if the cause is a shortage of memory, which has its own exit code.
 fn is_shortage(error: &anyhow::Error) -> bool {
-    let of_file = error.downcast_ref().is_some_and(FileError::is_shortage);
+    let of_file = error.downcast_ref().is_some_and(of_memory);
     of_file || error.downcast_ref::<Shortage>().is_some()
 }
 
@@ -93,11 +98,13 @@ impl<T> IntoExit<T> for Result<T, Fault> {
 
 /// The failure of a fault, with its exit code.
 pub(super) fn failure(fault: &Fault) -> Failure {
-    let exit = match fault.cause() {
-        Cause::Usage => Exit::Usage,
-        Cause::Input => Exit::Input,
-        Cause::Output => Exit::Output,
-        Cause::Memory => Exit::Memory,
+    let exit = match fault {
+        Fault::Option { .. } | Fault::Usage(_) => Exit::Usage,
+        Fault::File(error) if of_memory(error) => Exit::Memory,
+        Fault::File(error) if error.is_write() => Exit::Output,
+        Fault::File(_) | Fault::Input(_) => Exit::Input,
+        Fault::Output(_) => Exit::Output,
+        Fault::Memory(..) => Exit::Memory,
     };
     Failure(exit, anyhow::Error::msg(fault.message(Names::Flags)))
 }

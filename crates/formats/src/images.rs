@@ -8,7 +8,7 @@ use opsr::image::{Buffer, exr};
 use opsr::math::Rgb;
 use opsr::memory;
 use opsr::scene::load::error::{Result, fault};
-use opsr::scene::load::textures::Source;
+use opsr::scene::load::textures::decode;
 use opsr::scene::{Texels, Texture, TextureRef, Wrap};
 use std::borrow::Cow;
 
@@ -87,9 +87,7 @@ impl Context {
             } else {
                 let (_, bytes) = self.files.open(name, place)?;
                 let at = format!("{place}: {name}");
-                let source = Source::new(at.clone(), Cow::Owned(bytes), &FORMATS)?;
-                memory::check(&at, source.bytes_needed()?)?;
-                let texture = source.decode()?;
+                let texture = decode(at, Cow::Owned(bytes), &FORMATS, 1)?;
                 let eight = matches!(texture.texels, Texels::Byte(_));
                 let srgb = how.srgb.unwrap_or(eight);
                 (Texture { srgb, ..texture }, 1.0)
@@ -119,11 +117,9 @@ impl Context {
         } else if lower.ends_with(".pfm") {
             pfm(&bytes, &at)?
         } else {
-            let source = Source::new(at.clone(), Cow::Owned(bytes), &FORMATS)?;
-            memory::check(&at, 4 * source.bytes_needed()?)?;
             let texture = Texture {
                 srgb: true,
-                ..source.decode()?
+                ..decode(at.clone(), Cow::Owned(bytes), &FORMATS, 4)?
             };
             let colour = |x: usize, y: usize| {
                 let [r, g, b, _] = texture.texel(x as u32, y as u32);

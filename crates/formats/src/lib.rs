@@ -204,6 +204,7 @@ impl Context {
             other => fault("scene", other.to_string()),
         })?;
         self.fill_scene(&mut parts)?;
+        let (files, digest) = self.files.finish();
         Ok(Loaded {
             light: match parts.own_boundaries {
                 true if has_light(&parts) => FileLight::Lamps,
@@ -215,8 +216,8 @@ impl Context {
             variants: Vec::new(),
             rest: None,
             warnings: self.warnings.into_lines(),
-            files: self.files.read_so_far(),
-            digest: self.files.digest(),
+            files,
+            digest,
         })
     }
 

@@ -46,7 +46,7 @@ pub struct LightSample {
     pub cos: f32,
     /// Bound of the rounding error of the light's surface along its normal; 0 for lights at infinity.
     pub error: f32,
-    /// Index of the light, as in [`Lights::pmf`].
+    /// Index of the light: emissive triangles first, then lights without area, then the environment.
     pub light: u32,
     /// Probability of the choice of the light.
     pub pmf: f32,

@@ -245,6 +245,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         }
         _ => None,
     };
+    let (files, digest) = files.finish();
     Ok(Loaded {
         light,
         parts,
@@ -252,8 +253,8 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         variants: variants::names(&root),
         animations,
         warnings: warnings.into_lines(),
-        files: files.read_so_far(),
-        digest: files.digest(),
+        files,
+        digest,
     })
 }
 

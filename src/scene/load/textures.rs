@@ -134,8 +134,21 @@ fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
     }
 }
 
+/// Decodes an image in one of these formats, which its bytes decide or, for TGA, its name. Fails for other formats, and
+/// if there is no memory for this number of copies.
+pub fn decode(
+    at: String,
+    bytes: Cow<'_, [u8]>,
+    formats: &[ImageFormat],
+    copies: u64,
+) -> Result<Texture> {
+    let source = Source::new(at, bytes, formats)?;
+    memory::check(&*source.at, copies * source.bytes_needed()?)?;
+    source.decode()
+}
+
 /// An encoded image.
-pub struct Source<'a> {
+pub(super) struct Source<'a> {
     at: String,
     bytes: Cow<'a, [u8]>,
     format: Format,
@@ -173,8 +186,8 @@ impl<'a> Source<'a> {
         )
     }
 
-    /// An image in one of these formats, which its bytes decide or, for TGA, its name. Fails for other formats.
-    pub fn new(at: String, bytes: Cow<'a, [u8]>, formats: &[ImageFormat]) -> Result<Self> {
+    /// See [`decode`].
+    fn new(at: String, bytes: Cow<'a, [u8]>, formats: &[ImageFormat]) -> Result<Self> {
         let named = at.to_ascii_lowercase().ends_with(".tga");
         let named = named.then_some(ImageFormat::Tga);
         match image::guess_format(&bytes).ok().or(named) {
@@ -200,7 +213,7 @@ impl<'a> Source<'a> {
     }
 
     /// Bytes of the decoded image with its mip levels. Fails for more texels than its encoded bytes can contain.
-    pub fn bytes_needed(&self) -> Result<u64> {
+    pub(super) fn bytes_needed(&self) -> Result<u64> {
         let format = match self.format {
             Format::Plain(format) => format,
             // A copy of the texels exists while they are decoded.
@@ -222,7 +235,7 @@ impl<'a> Source<'a> {
     }
 
     /// Decodes the image.
-    pub fn decode(self) -> Result<Texture> {
+    pub(super) fn decode(self) -> Result<Texture> {
         let format = match self.format {
             Format::Plain(format) => format,
             Format::Coded(codec, [width, height]) => {

@@ -89,14 +89,9 @@ impl Files {
         }
     }
 
-    /// Every file that was read.
-    pub fn read_so_far(&self) -> Vec<PathBuf> {
-        self.read.clone()
-    }
-
-    /// SHA-256 of everything read.
-    pub fn digest(self) -> [u8; 32] {
-        self.digest.finalize().into()
+    /// Every file that was read, and the SHA-256 of all.
+    pub fn finish(self) -> (Vec<PathBuf>, [u8; 32]) {
+        (self.read, self.digest.finalize().into())
     }
 
     /// The bytes of a data URI, or of a file in the scene's folder or below.

@@ -6,7 +6,7 @@ pub(super) mod record;
 mod settings;
 
 use super::bar::Style;
-use super::exit::{Blame, Exit};
+use super::exit::{Blame, Exit, of_memory};
 use super::stop::Stop;
 use anyhow::anyhow;
 use clap::Args;
@@ -364,7 +364,7 @@ fn score_table(
 fn blame(error: TrainError) -> anyhow::Error {
     let code = match &error {
         TrainError::Memory(_) => Exit::Memory,
-        TrainError::Dataset(DatasetError::File(e)) if e.is_shortage() => Exit::Memory,
+        TrainError::Dataset(DatasetError::File(e)) if of_memory(e) => Exit::Memory,
         TrainError::Checkpoint(e) | TrainError::Dataset(DatasetError::File(e)) if e.is_write() => {
             Exit::Output
         }

@@ -15,6 +15,7 @@ pub mod images;
 pub mod learning;
 pub mod lights;
 pub mod lobes;
+pub mod modes;
 pub mod repeat;
 pub mod roughness;
 pub mod sampling;

@@ -3,12 +3,10 @@
 //! Checks that pictures do not depend on threads, passes, checkpoints and parts draw from this list, as do tests that a
 //! picture can be repeated from its metadata.
 
-use super::amounts::{Amounts, RadiusFactors, SCALES};
-use super::bidirectional::{Radius, Strategy};
-use super::settings::{Estimator, Settings};
-use crate::regularise::rules::MOLLIFIER_RADIUS;
-use crate::regularise::{Accumulated, AttenuationTable, Factors, Rule};
-use crate::sampler::SamplerKind;
+use opsr::integrator::bidirectional::{Radius, Strategy};
+use opsr::integrator::{Amounts, Estimator, RadiusFactors, Scales, Settings};
+use opsr::regularise::{Accumulated, AttenuationTable, Factors, Rule};
+use opsr::sampler::SamplerKind;
 
 /// Uniform random numbers in [0, 1).
 pub struct Uniform<'a>(pub &'a mut dyn FnMut() -> f32);
@@ -56,10 +54,9 @@ impl Uniform<'_> {
         let count = 2 + self.below(3) as usize;
         let scales = [0.0, 0.3, 1.0, 4.0];
         match self.chance(0.5) {
-            true => Amounts::roughening(&SCALES),
-            false => Amounts::roughening(&scales[..count]),
+            true => Amounts::Roughening(Scales::default()),
+            false => Amounts::roughening(&scales[..count]).expect("ascending scales"),
         }
-        .expect("ascending scales")
     }
 }
 
@@ -108,7 +105,7 @@ const fn other(name: &'static str, vary: fn(&mut Settings, &mut Uniform<'_>)) ->
     }
 }
 
-const MOLLIFIER: Rule = Rule::Mollifier(MOLLIFIER_RADIUS);
+const MOLLIFIER: Rule = Rule::Mollifier(0.01);
 
 /// All modes.
 pub static MODES: &[Mode] = &[
