@@ -140,7 +140,7 @@ pub(crate) fn reduce<'py>(film: &Bound<'py, Film>) -> PyResult<Bound<'py, PyAny>
     let lack = |missing: &MissingLight| {
         let pixel = missing.pixel.to_array();
         let squares = bytes(&missing.squares);
-        (missing.share, pixel, missing.finder.name(), squares)
+        (missing.share, pixel, missing.finder.to_string(), squares)
     };
     let mut options = spec.settings();
     options.retain(|name, _| Opt::named(name).is_some_and(|option| option.of_film));
@@ -199,7 +199,7 @@ pub(crate) fn _film(py: Python<'_>, moments: &[u8], rest: PickledFilm) -> PyResu
             Kind::Sppm,
             Kind::Mlt,
         ];
-        let finder = kinds.into_iter().find(|kind| kind.name() == finder);
+        let finder = kinds.into_iter().find(|kind| kind.to_string() == finder);
         Ok::<_, PyErr>(MissingLight {
             share,
             pixel: UVec2::from_array(pixel),

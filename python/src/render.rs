@@ -5,7 +5,6 @@ use crate::film::Film;
 use crate::options::{count, of_render, raised, read, threads as threads_of};
 use crate::scene::Scene;
 use crate::work::{OnEvent, goes_on, watched};
-use opsr::Aov;
 use opsr::image::denoise::Denoiser;
 use opsr::image::exr::Metadata;
 use opsr::image::film::Window;
@@ -124,7 +123,6 @@ pub(crate) fn render(
     let on_event: OnEvent<'_, RenderProgress> = on_event.as_mut().map(|on_event| on_event as _);
     if let Some(path) = part {
         let samples = samples.map(range).transpose()?;
-        let samples = samples.unwrap_or(request.all_samples());
         let done = watched(py, threads, on_event, |link| {
             let listen = &mut |progress: &RenderProgress| link.tell(|| *progress);
             if request.choose(&|| !link.stopped())?.is_break() {
@@ -221,7 +219,7 @@ pub(crate) fn merge(
         MergeError::Memory(shortage) => PyMemoryError::new_err(shortage.to_string()),
         MergeError::Samples(what) => argument("parts", what),
     })?;
-    let wanted = first.layers.iter().map(|name| Aov::named(name));
+    let wanted = first.layers.iter().map(|name| name.parse());
     let wanted = wanted.collect::<Result<Vec<_>, _>>();
     let wanted = wanted.map_err(|e| argument("parts", e))?;
     let mut metadata = first.metadata;

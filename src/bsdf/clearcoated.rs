@@ -69,23 +69,16 @@ pub struct Covers {
     pub sheen: Sheen,
 }
 
-/// The BSDF of a surface with a clear coat of weight `coat` in [0, 1] and roughness `alpha`: the coat or the base, with
-/// the reciprocal of the chance of each; `u` is uniform in [0, 1). `base` makes the base's BSDF from another uniform
-/// number.
-pub fn clearcoated(
-    coat: f32,
-    alpha: f32,
-    distribution: Distribution,
-    u: f32,
-    base: impl FnOnce(f32) -> Bsdf,
-) -> Bsdf {
-    let covers = Covers {
-        coat,
-        alpha,
-        distribution,
-        sheen: Sheen::NONE,
-    };
-    covered(&covers, u, base)
+impl Default for Covers {
+    /// A smooth coat of weight 1 without sheen.
+    fn default() -> Self {
+        Self {
+            coat: 1.0,
+            alpha: 0.0,
+            distribution: Distribution::Ggx,
+            sheen: Sheen::NONE,
+        }
+    }
 }
 
 /// Maps a uniform number in [`chance`, 1) to a uniform number in [0, 1).
@@ -93,7 +86,8 @@ fn rest(u: f32, chance: f32) -> f32 {
     ((u - chance) / (1.0 - chance)).min(1.0 - f32::EPSILON / 2.0)
 }
 
-/// The BSDF of a covered surface, drawn from coat, sheen and base; see [`clearcoated`].
+/// The BSDF of a covered surface, drawn from coat, sheen and base, with the reciprocal of the chance of
+/// each; `u` is uniform in [0, 1). `base` makes the base's BSDF from another uniform number.
 pub fn covered(covers: &Covers, u: f32, base: impl FnOnce(f32) -> Bsdf) -> Bsdf {
     let Covers {
         coat,

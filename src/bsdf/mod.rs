@@ -34,7 +34,7 @@ mod tests;
 mod translucent;
 
 pub use anisotropic::Anisotropic;
-pub use clearcoated::{Covered, Covers, clearcoated, covered};
+pub use clearcoated::{Covered, Covers, covered};
 pub use distribution::{DELTA_ALPHA, Distribution, LobeReal};
 pub use film::{Film, Iridescent, iridescent};
 pub use fresnel_glossy::{FresnelGlossy, Interface};

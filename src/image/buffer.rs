@@ -54,10 +54,4 @@ impl Buffer {
             ..*self
         }
     }
-
-    /// Column and row of the first pixel that is not finite.
-    pub fn first_non_finite(&self) -> Option<(usize, usize)> {
-        let i = self.pixels.iter().position(|p| !p.is_finite())?;
-        Some((i % self.width, i / self.width))
-    }
 }

@@ -4,6 +4,8 @@ use super::aov::{Centres, Recorded};
 use super::{Picture, View};
 use crate::image::Buffer;
 use crate::image::exr::Layer;
+use std::fmt;
+use std::str::FromStr;
 
 /// A layer, or channels, that a render can add to its EXR files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +39,29 @@ pub enum Aov {
     Motion,
 }
 
+/// Its name in options.
+impl fmt::Display for Aov {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::EachLevel => f.write_str("each-level"),
+            _ => f.write_str(&format!("{self:?}").to_lowercase()),
+        }
+    }
+}
+
+impl FromStr for Aov {
+    type Err = String;
+
+    /// The layer with this name; an error that lists all.
+    fn from_str(name: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|aov| aov.to_string() == name);
+        found.ok_or_else(|| {
+            let known = Self::ALL.map(|aov| aov.to_string()).join(", ");
+            format!("no layer `{name}`: there are {known}")
+        })
+    }
+}
+
 impl Aov {
     /// All of them.
     pub(crate) const ALL: [Self; 13] = [
@@ -54,23 +79,6 @@ impl Aov {
         Self::Time,
         Self::Motion,
     ];
-
-    /// Its name in options.
-    pub fn name(self) -> String {
-        match self {
-            Self::EachLevel => "each-level".into(),
-            _ => format!("{self:?}").to_lowercase(),
-        }
-    }
-
-    /// The layer with this name; an error that lists all.
-    pub fn named(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|aov| aov.name() == name);
-        found.ok_or_else(|| {
-            let known = Self::ALL.map(Self::name).join(", ");
-            format!("no layer `{name}`: there are {known}")
-        })
-    }
 
     /// Parts of the AOVs that these layers need.
     pub(crate) fn recorded(wanted: &[Self]) -> Recorded {

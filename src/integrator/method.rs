@@ -191,10 +191,12 @@ impl IntegratorKind {
             other => other,
         }
     }
+}
 
-    /// Its name in options.
-    pub fn name(self) -> String {
-        format!("{self:?}").to_lowercase()
+/// Its name in options.
+impl std::fmt::Display for IntegratorKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&format!("{self:?}").to_lowercase())
     }
 }
 

@@ -291,7 +291,7 @@ impl Settings {
                 Content::Overlaps => (scene.features().overlaps, "bodies that overlap"),
             };
             if is_there {
-                return Err(format!("{} knows no {what}", kind.name()));
+                return Err(format!("{kind} knows no {what}"));
             }
         }
         Ok(())

@@ -84,7 +84,7 @@ impl Contender {
         } else {
             ""
         };
-        self.kind.name() + levels
+        self.kind.to_string() + levels
     }
 }
 
@@ -116,7 +116,7 @@ impl Trial {
     /// The name of the contender.
     fn name(&self) -> String {
         let levels = if self.levels { " with levels" } else { "" };
-        self.kind.name() + levels
+        self.kind.to_string() + levels
     }
 }
 

@@ -77,7 +77,7 @@ impl fmt::Display for MissingLight {
         if self.finder.is_path() {
             write!(out, "--opsr-table beta-0.001 finds more of it")
         } else {
-            write!(out, "--integrator {} finds it", self.finder.name())
+            write!(out, "--integrator {} finds it", self.finder)
         }
     }
 }

@@ -225,10 +225,7 @@ impl Spec {
             "emission, direct and indirect are of the path tracer of raw means: {resolve} raw";
         ensure(!self.splits_light() || path && !levels, "aov", why)?;
         for layer in [Aov::Level, Aov::EachLevel] {
-            let why = format!(
-                "{} needs several levels, and this render has one",
-                layer.name()
-            );
+            let why = format!("{} needs several levels, and this render has one", layer);
             ensure(levels || !wants(&layer), "aov", &why)?;
         }
         let why = "needs several levels, and this render has one";

@@ -89,11 +89,6 @@ impl Request<'_> {
         }
     }
 
-    /// Samples of a part if no range is given.
-    pub fn all_samples(&self) -> Range<u32> {
-        0..self.spec.spp.unwrap_or(DEFAULT_SPP)
-    }
-
     /// An error for options that a part does not support or store.
     pub fn check_part(spec: &Spec) -> Result<(), Fault> {
         let wants = |aov| spec.aovs().contains(&aov);
@@ -123,14 +118,14 @@ impl Request<'_> {
         }
     }
 
-    /// Renders these samples into the file of a part, whole or not at all. `begun` is a part of the same pixels whose
-    /// samples come before. False if `on_pass` ended the render; then no file is written.
+    /// Renders these samples, by default all, into the file of a part, whole or not at all. `begun` is a part of the
+    /// same pixels whose samples come before. False if `on_pass` ended the render; then no file is written.
     ///
     /// Needs an integrator: [`Request::choose`] must be called first if a pilot chooses it.
     pub fn part(
         &self,
         path: &Path,
-        samples: Range<u32>,
+        samples: Option<Range<u32>>,
         begun: Option<&Path>,
         on_pass: &mut dyn FnMut(&RenderProgress) -> ControlFlow<()>,
     ) -> Result<bool, Fault> {
@@ -139,8 +134,9 @@ impl Request<'_> {
         let recorded = self.spec.recorded_aovs();
         let identity = self.identity(&self.settings, false);
         let amounts = self.settings.amounts.clone();
+        let samples = samples.unwrap_or(0..self.spec.spp.unwrap_or(DEFAULT_SPP));
         let mut part = Part::new(identity, &view, samples, amounts, recorded);
-        part.layers = self.spec.aovs().iter().map(|aov| aov.name()).collect();
+        part.layers = self.spec.aovs().iter().map(|aov| aov.to_string()).collect();
         part.metadata = self.metadata(0, 0);
         let integrator = &mut *self.settings.integrator();
         Ok(part.render_on(begun, path, integrator, &view, on_pass)?)

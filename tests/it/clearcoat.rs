@@ -2,7 +2,7 @@
 
 use super::support::render::scene;
 use crate::support::draws::{numbers, rng};
-use opsr::bsdf::{Bsdf, Diffuse, Distribution, clearcoated};
+use opsr::bsdf::{Bsdf, Covers, Diffuse, Distribution, covered};
 use opsr::image::Film;
 use opsr::integrator::{PathObserver, Recorder, Settings, View};
 use opsr::math::{Ray, Rgb, UVec2, Vec3};
@@ -16,8 +16,13 @@ use opsr_lab::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal as mirror, plastic
 /// Coat and base of a surface, each with its probability.
 fn both(coat: f32, alpha: f32, distribution: Distribution, base: Bsdf) -> [(f32, Bsdf); 2] {
     let chance = 0.25 * coat;
-    [(0.0, chance), (0.99, 1.0 - chance)]
-        .map(|(u, chance)| (chance, clearcoated(coat, alpha, distribution, u, |_| base)))
+    let covers = Covers {
+        coat,
+        alpha,
+        distribution,
+        ..Covers::default()
+    };
+    [(0.0, chance), (0.99, 1.0 - chance)].map(|(u, chance)| (chance, covered(&covers, u, |_| base)))
 }
 
 /// Schlick's reflectance of index 1.5.

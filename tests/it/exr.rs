@@ -34,6 +34,14 @@ fn picture(f: impl Fn(usize, usize) -> Rgb) -> Buffer {
     Buffer::from_fn(21, 18, f)
 }
 
+/// A number per pixel.
+fn scalar(name: &str, values: Vec<f32>) -> Layer {
+    Layer {
+        name: name.to_owned(),
+        channels: vec![("", values)],
+    }
+}
+
 /// A vector in three channels.
 fn xyz(name: &str, picture: &Buffer) -> Layer {
     let plane = |i: usize| picture.pixels.iter().map(|p| p[i]).collect();
@@ -50,10 +58,7 @@ fn exr_round_trip_of_film_layers_and_metadata() {
     let film = small_film();
     let normal = picture(|x, y| Rgb::new(x as f32, -(y as f32), f32::INFINITY));
     let depth: Vec<f32> = (0..film.pixels.len()).map(|i| i as f32 * 0.1).collect();
-    let layers = [
-        xyz("normal", &normal),
-        Layer::scalar("depth", depth.clone()),
-    ];
+    let layers = [xyz("normal", &normal), scalar("depth", depth.clone())];
     let metadata = BTreeMap::from([
         (
             "command".to_owned(),
@@ -117,7 +122,7 @@ fn exr_errors_name_the_file_and_the_missing_channel() {
         "{error}"
     );
 
-    let short = Layer::scalar("depth", vec![1.0]);
+    let short = scalar("depth", vec![1.0]);
     let error = exr::write_film(&path, &small_film(), &[short], &BTreeMap::new()).unwrap_err();
     assert!(error.to_string().contains("depth"), "{error}");
 

@@ -65,7 +65,7 @@ fn resume_of_a_reference_equals_one_run() {
         max_vertices: entry.max_vertices,
         ..Settings::default()
     }
-    .tracer(opsr::regularise::Unregularised);
+    .tracer(opsr::regularise::Rule::Plain);
     let source = Independent { seed: Seed(5) };
     let view = View::of(&scene, camera, &other);
     tracer.estimate(&view, &source, 0..7, &mut other, &mut ());
@@ -131,7 +131,7 @@ fn reference_files_agree_with_a_fresh_render() {
 
             let film = reference.film();
             let mut fresh = Film::cropped(film.size, film.window).unwrap();
-            let tracer = settings.tracer(opsr::regularise::Unregularised);
+            let tracer = settings.tracer(opsr::regularise::Rule::Plain);
             let source = Independent { seed: Seed(1) };
             let view = View::of(&scene, camera, &fresh);
             tracer.estimate(&view, &source, 0..SPP, &mut fresh, &mut ());

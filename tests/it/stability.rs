@@ -9,7 +9,7 @@ use crate::support::{self, assert_likely};
 use opsr::image::Film;
 use opsr::integrator::{self, PathObserver, Recorder, Settings, ShadingPoint};
 use opsr::math::{Rgb, UVec2, Vec3};
-use opsr::regularise::{AttenuationTable, MAX_VERTICES, Roughening, Rule, Unregularised};
+use opsr::regularise::{AttenuationTable, MAX_VERTICES, Roughening, Rule};
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::{Scene, SceneParts};
 use opsr_lab::gallery::materials::{diffuse, emitter};
@@ -240,7 +240,7 @@ fn case_11_zero_throughput_ends_the_path() {
     );
     parts.add(emitter("light", Rgb::ONE), [ceiling]);
     parts.add_camera([0.0, 0.0, 0.0], [0.0, 0.0, -1.0], 90.0);
-    assert_eq!(witness(parts, Unregularised).deepest, 1);
+    assert_eq!(witness(parts, Rule::Plain).deepest, 1);
 }
 
 #[test]

@@ -165,7 +165,7 @@ impl FinishedRender<'_> {
             "relative_error": finite(stated.root),
             "mean_error": finished.mean_error().and_then(finite),
             "light_missing": finished.outcome.missing.as_ref().map(|m| {
-                serde_json::json!({ "share": m.share, "pixel": m.pixel.to_array(), "finder": m.finder.name() })
+                serde_json::json!({ "share": m.share, "pixel": m.pixel.to_array(), "finder": m.finder.to_string() })
             }),
             "true_error": self.saved.true_error.and_then(finite),
             "exposure": outputs.has_png().then(|| finished.display().exposure),

@@ -66,7 +66,7 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
         "seconds": rounded(each * pixels * f64::from(SAMPLES)),
         "samples": SAMPLES,
         "frame": frame.to_array(),
-        "integrator": kind.name(),
+        "integrator": kind.to_string(),
         "threads": rayon::current_num_threads(),
         "pilot_seconds": rounded(pilot),
     }))

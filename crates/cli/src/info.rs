@@ -136,7 +136,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
         },
         "cameras": parts.cameras.iter().map(|c| c.name.clone()).collect::<Vec<_>>(),
         "classes": reachable(scene),
-        "integrator": { "name": advice.kind.name(), "why": advice.why },
+        "integrator": { "name": advice.kind.to_string(), "why": advice.why },
         "unused": unused(scene, &Rule::Plain),
         "warnings": warnings,
     })

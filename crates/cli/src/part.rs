@@ -11,7 +11,6 @@ use super::stop::Stop;
 use super::threads::set_threads;
 use crate::outputs::{Outputs, check_distinct, check_layers};
 use anyhow::anyhow;
-use opsr::Aov;
 use opsr::image::film::Window;
 use opsr::integrator::drive::RenderProgress;
 use opsr::integrator::part::{MergeError, Merged, merge};
@@ -80,13 +79,12 @@ pub(super) fn render(args: &PartArgs) -> anyhow::Result<Exit> {
     if let ControlFlow::Continue(Some(choice)) = request.choose(&|| !stop.asked()).into_exit()? {
         remark_choice(args.program.progress, &choice);
     }
-    let samples = args.samples.clone().unwrap_or(request.all_samples());
     let bar = Bar::new(args.program.progress);
     let on_pass = &mut |progress: &RenderProgress| {
         bar.show(progress, None);
         stop.flow()
     };
-    let done = request.part(&args.output, samples, None, on_pass);
+    let done = request.part(&args.output, args.samples.clone(), None, on_pass);
     bar.finish();
     if done.into_exit()? {
         return Ok(Exit::Done);
@@ -140,7 +138,7 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     let refused = picture.film.rejected.total();
     metadata.insert("spp".into(), samples.to_string());
     metadata.insert("refused_samples".into(), refused.to_string());
-    let wanted = first.layers.iter().map(|name| Aov::named(name));
+    let wanted = first.layers.iter().map(|name| name.parse());
     let wanted = wanted.collect::<Result<Vec<_>, _>>();
     let wanted = wanted.map_err(anyhow::Error::msg).input()?;
     let camera = Some(first.camera);

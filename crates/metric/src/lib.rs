@@ -105,7 +105,8 @@ pub fn check(test: &Buffer, reference: &Buffer) -> Result<(), MetricError> {
         return Err(MetricError::Empty);
     }
     for (which, picture) in [("picture", test), ("reference", reference)] {
-        if let Some((x, y)) = picture.first_non_finite() {
+        if let Some(i) = picture.pixels.iter().position(|p| !p.is_finite()) {
+            let (x, y) = (i % picture.width, i / picture.width);
             let count = picture.pixels.iter().filter(|p| !p.is_finite()).count();
             return Err(MetricError::NotFinite { which, x, y, count });
         }

@@ -234,14 +234,14 @@ impl Field for Layers {
             _ => None,
         };
         let names = names.ok_or("expected names of layers")?;
-        let layers = names.into_iter().map(Aov::named);
+        let layers = names.into_iter().map(str::parse);
         layers.collect::<Result<_, _>>().map(Self)
     }
 
     fn text(&self) -> String {
         self.0
             .iter()
-            .map(|aov| aov.name())
+            .map(|aov| aov.to_string())
             .collect::<Vec<_>>()
             .join(",")
     }
@@ -251,7 +251,7 @@ impl Field for Layers {
     }
 
     fn names() -> Vec<String> {
-        Aov::ALL.map(Aov::name).into()
+        Aov::ALL.map(|aov| aov.to_string()).into()
     }
 
     #[cfg(feature = "clap")]

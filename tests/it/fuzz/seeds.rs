@@ -92,7 +92,10 @@ pub(crate) fn foreign(compression: Compression, blocks: Blocks) -> Vec<u8> {
 
 pub(crate) fn exr() -> Vec<Vec<u8>> {
     let metadata = [("scene".to_owned(), "a.glb".to_owned())].into();
-    let depth = exr::Layer::scalar("depth", vec![1.5; 63]);
+    let depth = exr::Layer {
+        name: "depth".to_owned(),
+        channels: vec![("", vec![1.5; 63])],
+    };
     let tiles = Blocks::Tiles(exrs::Vec2(4, 4));
     vec![
         bytes("a.exr", |p| {

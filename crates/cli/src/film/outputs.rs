@@ -134,9 +134,9 @@ impl FrameOutputs {
             });
         }
         let window = averaged.window.iter().map(|frames| f32::from(*frames));
-        layers.push(Layer::scalar("window", window.collect()));
+        layers.push(scalar("window", window.collect()));
         if !averaged.error.is_empty() {
-            layers.push(Layer::scalar("error", averaged.error));
+            layers.push(scalar("error", averaged.error));
         }
         let picture = &averaged.picture;
         let display = *(self.display).get_or_insert_with(|| self.spec.display(picture, in_studio));
@@ -193,4 +193,12 @@ fn fps(metadata: &Metadata) -> f64 {
 fn has_ending(file: &Path, wanted: &str) -> bool {
     file.extension()
         .is_some_and(|ending| ending.eq_ignore_ascii_case(wanted))
+}
+
+/// A layer of one number per pixel.
+fn scalar(name: &str, values: Vec<f32>) -> Layer {
+    Layer {
+        name: name.to_owned(),
+        channels: vec![("", values)],
+    }
 }

@@ -106,7 +106,7 @@ fn checked(args: &RenderArgs) -> Result<(Spec, bool), Fault> {
     {
         let why = format!(
             "{} describes a single frame, and is lost when frames are averaged",
-            layer.name()
+            layer
         );
         return Err(Fault::option("aov", why));
     }
@@ -286,7 +286,7 @@ impl Job<'_> {
         let has = |name: &str| frame.layers.iter().any(|layer| layer.name == name);
         match wanted.find(|(_, name, _)| !has(name)) {
             Some((aov, ..)) => {
-                let what = format!("a frame without the layer {}", aov.name());
+                let what = format!("a frame without the layer {}", aov);
                 Err(anyhow!("{}: {what}", file.display())).input()
             }
             None => Ok(frame),

@@ -1,8 +1,9 @@
 //! BSDFs for the checks.
 
+use opsr::bsdf::fresnel::dielectric_average;
 use opsr::bsdf::{
     Bsdf, Covers, Dielectric, Diffuse, Distribution, Film, Glossy, Sheen, ThinDielectric,
-    anisotropic, clearcoated, covered, iridescent, translucent,
+    anisotropic, covered, iridescent, translucent,
 };
 use opsr::bsdf::{FresnelGlossy, Interface};
 use opsr::math::{Rgb, Vec2, Vec3};
@@ -68,7 +69,7 @@ pub fn pane(alpha: f32, distribution: Distribution) -> Bsdf {
 
 /// BSDF of this base under a clear coat of weight 1.
 pub(crate) fn under_clearcoat(base: Bsdf) -> Bsdf {
-    clearcoated(1.0, 0.0, Distribution::Ggx, 0.9, |_| base)
+    covered(&Covers::default(), 0.9, |_| base)
 }
 
 /// The lobe of a BSDF made anisotropic, along a direction off both tangents. `ratio` is the ratio of its roughnesses,
@@ -119,7 +120,11 @@ pub fn exact_metal(alpha: f32, distribution: Distribution) -> Bsdf {
 /// A coloured base under an interface of index 1.5.
 pub fn exact_plastic(alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::FresnelGlossy(FresnelGlossy {
-        interface: Interface::coat(1.5, Rgb::new(0.9, 0.5, 0.1)),
+        interface: Interface::Coat {
+            eta: 1.5,
+            albedo: Rgb::new(0.9, 0.5, 0.1),
+            average: dielectric_average(1.5),
+        },
         tint: Rgb::ONE,
         alpha,
         distribution,

@@ -3,9 +3,7 @@
 use super::bsdfs::{self, DISTRIBUTIONS, at};
 use super::density::DensityTest;
 use super::{Finding, Numbers, Size, chi_square};
-use opsr::bsdf::{
-    Bsdf, Covers, DELTA_ALPHA, Diffuse, Distribution, Lobe, Sheen, clearcoated, covered,
-};
+use opsr::bsdf::{Bsdf, Covers, DELTA_ALPHA, Diffuse, Distribution, Lobe, Sheen, covered};
 use opsr::math::{Rgb, Vec3};
 use rayon::prelude::*;
 
@@ -181,7 +179,12 @@ fn clearcoats(size: Size) -> Finding {
         let mut numbers = Numbers::new(4000 + i as u64);
         // Coat and base with their probabilities, a quarter and three quarters.
         let parts = [(0.0, 0.25), (0.5, 0.75)].map(|(u, chance)| {
-            let bsdf = clearcoated(1.0, coat_alpha, distribution, u, |_| base);
+            let coat = Covers {
+                alpha: coat_alpha,
+                distribution,
+                ..Covers::default()
+            };
+            let bsdf = covered(&coat, u, |_| base);
             chance * albedo(&bsdf, bsdf.alpha(), wo, strata, &mut numbers)
         });
         parts[0] + parts[1] - 1.0

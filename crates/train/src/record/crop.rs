@@ -264,7 +264,7 @@ fn read_reference(reference: &Reference) -> Result<(Vec<[f32; 3]>, f64), Dataset
         return Err(DatasetError::Missing { path: path() });
     }
     let mean = reference.film().mean();
-    if mean.first_non_finite().is_some() {
+    if mean.pixels.iter().any(|p| !p.is_finite()) {
         return Err(DatasetError::Shape {
             path: path(),
             problem: "a pixel is not a finite number".into(),
