@@ -122,7 +122,7 @@ impl Layer {
     }
 
     /// One value per pixel, in the channel `name`.
-    pub fn scalar(name: &str, values: Vec<f32>) -> Self {
+    pub(crate) fn scalar(name: &str, values: Vec<f32>) -> Self {
         Self {
             name: name.to_owned(),
             channels: vec![("", values)],
