@@ -122,7 +122,7 @@ impl<R: Roughening> Roughening for &R {
 
 /// No regularisation: plain path tracing, without any state.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Unregularised;
+pub(crate) struct Unregularised;
 
 impl Roughening for Unregularised {
     type Path = ();

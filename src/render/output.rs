@@ -5,7 +5,6 @@ use super::request::{DEFAULT_SPP, Request};
 use super::spec::{Effect, Heading, Opt, Spec};
 use super::value::{Field, Levels, TableChoice, word};
 use crate::image::exr::Metadata;
-use crate::image::film::RejectedSample;
 use crate::integrator::checkpoint::Checkpoint;
 use crate::integrator::drive::RenderProgress;
 use crate::integrator::layers::Aov;
@@ -140,13 +139,6 @@ impl Request<'_> {
         part.metadata = self.metadata(0, 0);
         let integrator = &mut *self.settings.integrator();
         Ok(part.render_on(begun, path, integrator, &view, on_pass)?)
-    }
-
-    /// The command that renders a refused sample again, with the earlier samples of its pixel.
-    pub fn replay(&self, refused: &RejectedSample) -> String {
-        let (x, y) = (refused.pixel.x, refused.pixel.y);
-        let end = refused.sample.saturating_add(1);
-        format!("{} --crop {x},{y},1,1 --spp {end}", self.command())
     }
 
     /// The command that renders this picture, without files, part and samples.

@@ -51,7 +51,7 @@ impl FinishedRender<'_> {
             paths => format!("{:.3} million paths/s", paths as f64 / seconds / 1e6),
         };
         let exposure = match outputs.has_png() {
-            true => format!(", exposure {:+}", finished.display().exposure),
+            true => format!(", exposure {:+}", exposure(finished)),
             false => String::new(),
         };
         let camera = match self.opened.scene.parts().cameras.is_empty() {
@@ -124,7 +124,10 @@ impl FinishedRender<'_> {
                 rejected.infinite,
             );
             for first in &rejected.first {
-                tracing::warn!("to see one again: {}", self.request.replay(first));
+                // With the earlier samples of its pixel.
+                let (command, [x, y]) = (self.request.command(), first.pixel.to_array());
+                let end = first.sample.saturating_add(1);
+                tracing::warn!("to see one again: {command} --crop {x},{y},1,1 --spp {end}");
             }
         }
     }
@@ -168,7 +171,7 @@ impl FinishedRender<'_> {
                 serde_json::json!({ "share": m.share, "pixel": m.pixel.to_array(), "finder": m.finder.to_string() })
             }),
             "true_error": self.saved.true_error.and_then(finite),
-            "exposure": outputs.has_png().then(|| finished.display().exposure),
+            "exposure": outputs.has_png().then(|| exposure(finished)),
             "refused": { "nan": film.rejected.nan, "infinite": film.rejected.infinite },
             "clipped_variances": film.clipped_variances(),
         })
@@ -190,4 +193,13 @@ fn sees_a_surface(view: &View<'_>) -> bool {
     let rows = (y..y + h).step_by(step);
     let mut pixels = rows.flat_map(|y| (x..x + w).step_by(step).map(move |x| UVec2::new(x, y)));
     pixels.any(|pixel| centre(view, pixel).is_some())
+}
+
+/// Exposure of PNG files in stops.
+fn exposure(finished: &opsr::Finished<'_>) -> f32 {
+    let outcome = &finished.outcome;
+    let display = outcome
+        .spec
+        .display(&finished.shown.picture, outcome.in_studio);
+    display.exposure
 }

@@ -120,7 +120,7 @@ fn detail(text: &str) -> Result<(&'static Opt, &str), String> {
 fn read_details(spec: &mut Spec, matches: &ArgMatches) -> Result<(), Fault> {
     let given = matches.get_many::<String>("set").into_iter().flatten();
     for (option, value) in given.filter_map(|text| detail(text).ok()) {
-        if spec.has(option.name) {
+        if spec.given().any(|(given, _)| given.name == option.name) {
             return Err(Fault::option(option.name, "given twice"));
         }
         spec.set(option.name, &Value::from(value))?;

@@ -43,7 +43,7 @@ pub(super) fn check_layers(spec: &Spec, files: &[PathBuf]) -> Result<(), Fault> 
         ("exposure", png, of_png),
         ("view", png, of_png),
     ] {
-        if spec.has(name) && !there {
+        if !there && spec.given().any(|(given, _)| given.name == name) {
             return Err(Fault::option(name, what));
         }
     }

@@ -26,7 +26,7 @@ fn tiles(picture: &Buffer) -> Buffer {
         (at / EDGE) * (room - EDGE) / (count - 1) + at % EDGE
     };
     Buffer::from_fn(columns * EDGE, rows * EDGE, |x, y| {
-        picture.get(place(x, width, columns), place(y, height, rows))
+        picture.pixels[place(y, height, rows) * width + place(x, width, columns)]
     })
 }
 

@@ -7,9 +7,7 @@ use super::nodes::PlacedNode;
 use super::variants;
 use crate::math::{Vec2, Vec3};
 use crate::memory;
-use crate::scene::limits::{
-    EMITTER_BYTES, INSTANCE_BYTES, MAX_COPIES, MAX_ELEMENTS, MAX_MESHES, MIN_SHARED, TRIANGLE_BYTES,
-};
+use crate::scene::limits::{self, INSTANCE_BYTES, MAX_ELEMENTS, MAX_MESHES, triangle_bytes};
 use crate::scene::mesh::{cofactors, unit};
 use crate::scene::{Mesh, SharedMesh};
 use glam::{DAffine3, DQuat, DVec3, Vec4};
@@ -155,27 +153,14 @@ pub(super) fn meshes(
     Ok((meshes, shares))
 }
 
-/// The primitives that instances share: all that are shown more than once and are not small, if copies would take more
-/// than [`MAX_COPIES`] bytes; else none.
+/// The primitives that instances share.
 fn shared(data: &Data<'_>, instances: &[Instance<'_>]) -> HashSet<(usize, usize)> {
-    let mut uses: HashMap<_, u64> = HashMap::new();
-    let mut copies = 0u64;
-    for instance in instances.iter().filter(|instance| instance.may_share()) {
+    let may_share = instances.iter().filter(|instance| instance.may_share());
+    limits::shared(may_share.map(|instance| {
         let (vertices, triangles) = size(data, instance.primitive);
-        if triangles < MIN_SHARED {
-            continue;
-        }
-        let used = uses.entry(instance.source).or_default();
-        *used += 1;
-        if *used > 1 {
-            copies =
-                copies.saturating_add(bytes_of(instance.primitive, vertices, triangles, false));
-        }
-    }
-    let shared = uses
-        .into_iter()
-        .filter(|&(_, used)| used > 1 && copies > MAX_COPIES);
-    shared.map(|(source, _)| source).collect()
+        let bytes = bytes_of(instance.primitive, vertices, triangles, false);
+        (instance.source, triangles, bytes)
+    }))
 }
 
 /// Fails if the scene has too many elements or needs more memory than is available.
@@ -216,8 +201,7 @@ fn bytes_of(primitive: &Primitive, vertices: u64, triangles: u64, emits: bool) -
     let uvs = has(Semantic::TexCoords(0)) + has(Semantic::TexCoords(1));
     let colors = 16 * has(Semantic::Colors(0));
     let vertex = 12 + 12 * has(Semantic::Normals) + 16 * has(Semantic::Tangents) + 8 * uvs + colors;
-    let triangle = 12 + TRIANGLE_BYTES + if emits { EMITTER_BYTES } else { 0 };
-    vertices * vertex + triangles * triangle
+    vertices * vertex + triangles * triangle_bytes(emits)
 }
 
 /// The poses at which a node shows its mesh: its own, or one for each instance of EXT_mesh_gpu_instancing.

@@ -27,7 +27,7 @@ fn tiles(film: &Film, edge: u32) -> Vec<[f64; 3]> {
         for (x, y) in (w.y..w.y + w.h).flat_map(|y| (w.x..w.x + w.w).map(move |x| (x, y))) {
             for (s, v) in sum
                 .iter_mut()
-                .zip(mean.get(x as usize, y as usize).to_array())
+                .zip(mean.pixels[y as usize * mean.width + x as usize].to_array())
             {
                 *s += f64::from(v) / w.len() as f64;
             }

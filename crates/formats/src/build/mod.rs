@@ -11,9 +11,7 @@ pub mod subdivision;
 use glam::DAffine3;
 use opsr::math::{Rgb, Vec3};
 use opsr::memory::{self, Shortage};
-use opsr::scene::limits::{
-    EMITTER_BYTES, INSTANCE_BYTES, MAX_COPIES, MAX_ELEMENTS, MAX_MESHES, MIN_SHARED, TRIANGLE_BYTES,
-};
+use opsr::scene::limits::{self, INSTANCE_BYTES, MAX_ELEMENTS, MAX_MESHES, triangle_bytes};
 use opsr::scene::{Material, Mesh, SceneParts, SharedMesh};
 use std::collections::HashMap;
 
@@ -97,29 +95,20 @@ impl Builder {
         all(mesh.positions.len() + mesh.normals.len(), 12)
             + all(mesh.uvs.len() + mesh.second_uvs.len(), 8)
             + all(mesh.tangents.len() + mesh.colors.len(), 16)
-            + all(mesh.indices.len(), 12 + TRIANGLE_BYTES)
-            + all(mesh.indices.len(), if emits { EMITTER_BYTES } else { 0 })
+            + all(mesh.indices.len(), triangle_bytes(emits))
     }
 
     /// The parts of the scene. Meshes that are placed more than once are shared if copies would take much memory; the
     /// smallest meshes are always copied.
     pub fn finish(mut self) -> Result<SceneParts, BuildError> {
-        let mut uses: HashMap<(u32, u32), u64> = HashMap::new();
-        let mut copies = 0;
-        for placed in self.placed.iter().filter(|placed| self.may_share(placed)) {
+        let may_share = self.placed.iter().filter(|placed| self.may_share(placed));
+        let shared = limits::shared(may_share.map(|placed| {
             let mesh = &self.meshes[placed.mesh as usize];
-            if (mesh.indices.len() as u64) < MIN_SHARED {
-                continue;
-            }
-            let used = uses.entry((placed.mesh, placed.material)).or_default();
-            *used += 1;
-            if *used > 1 {
-                copies += Self::bytes(mesh, false);
-            }
-        }
-        uses.retain(|_, used| *used > 1 && copies > MAX_COPIES);
+            let key = (placed.mesh, placed.material);
+            (key, mesh.indices.len() as u64, Self::bytes(mesh, false))
+        }));
         let shares = |b: &Self, placed: &Placed| {
-            uses.contains_key(&(placed.mesh, placed.material)) && b.may_share(placed)
+            shared.contains(&(placed.mesh, placed.material)) && b.may_share(placed)
         };
         let (mut stored, mut shown, mut bytes) = (0u64, 0u64, 0u64);
         for placed in &self.placed {
@@ -260,7 +249,7 @@ mod tests {
             }
         }
         let bytes = Builder::bytes(&builder.meshes[0], false);
-        for _ in 0..=MAX_COPIES / bytes {
+        for _ in 0..=(256 << 20) / bytes {
             let placed = Placed {
                 mesh: ball,
                 material,

@@ -223,7 +223,11 @@ pub(super) fn round() -> Result<Vec<u64>, Box<dyn Error>> {
         let film = Checkpoint::load(&path, &checkpoint.fingerprint)?
             .picture
             .film;
-        bits.extend(film.numbers().map(f64::to_bits));
+        for m in &film.pixels {
+            let numbers = [m.mean.to_array(), m.m2().to_array()].concat();
+            bits.push(u64::from(m.n));
+            bits.extend(numbers.into_iter().map(f64::to_bits));
+        }
     }
     #[cfg(feature = "train")]
     {

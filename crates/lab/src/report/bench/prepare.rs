@@ -232,7 +232,7 @@ fn cut(picture: &Buffer, window: Window, origin: (u32, u32)) -> Buffer {
         (window.y - origin.1) as usize,
     );
     Buffer::from_fn(window.w as usize, window.h as usize, |x, y| {
-        picture.get(x0 + x, y0 + y)
+        picture.pixels[(y0 + y) * picture.width + x0 + x]
     })
 }
 
