@@ -460,7 +460,7 @@ impl Film {
     pub(crate) const NUMBERS: usize = 7;
 
     /// The pixels as numbers, for a checkpoint: count, mean, sum of squared deviations. Refusals are not part of them.
-    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> {
         self.pixels.iter().flat_map(|m| {
             let (a, b) = (m.mean, m.m2());
             [f64::from(m.n), a.x, a.y, a.z, b.x, b.y, b.z]

@@ -269,7 +269,7 @@ impl Finished<'_> {
     }
 
     /// Exposure and view of PNG files.
-    pub fn display(&self) -> Display {
+    pub(crate) fn display(&self) -> Display {
         let Outcome {
             spec, in_studio, ..
         } = &self.outcome;

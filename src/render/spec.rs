@@ -415,7 +415,7 @@ impl Spec {
     }
 
     /// True if the option is given.
-    pub fn has(&self, name: &str) -> bool {
+    pub(crate) fn has(&self, name: &str) -> bool {
         self.entries().any(|(option, ..)| option.name == name)
     }
 
