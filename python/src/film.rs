@@ -126,7 +126,7 @@ impl Film {
     /// there are too few samples to tell. Unlike `variance` it knows what pixels share by light paths.
     #[getter]
     fn mean_error(&self) -> Option<(f64, f64, f64)> {
-        let of_film = || self.film().mean_error().map(Into::into);
+        let of_film = || self.film().mean_error().map(|(error, _)| error.into());
         let one = (self.made().levels.as_ref()).is_none_or(|film| film.levels() == 1);
         one.then(of_film).flatten()
     }

@@ -9,7 +9,7 @@ use crate::math::exact::ExactSum;
 use crate::math::{DVec3, Rgb};
 
 /// Number of batches. The relative error of the standard error that they give is 1 / √(2 (16 − 1)) = 18 %.
-pub const BATCHES: usize = 16;
+pub(super) const BATCHES: usize = 16;
 
 /// Sums of all pixels of a picture, by batch.
 #[derive(Clone, Debug, Default, PartialEq)]

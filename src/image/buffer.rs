@@ -43,7 +43,7 @@ impl Buffer {
     }
 
     /// The pixel at column x, row y. Panics outside the picture.
-    pub fn get(&self, x: usize, y: usize) -> Rgb {
+    pub(crate) fn get(&self, x: usize, y: usize) -> Rgb {
         self.pixels[y * self.width + x]
     }
 

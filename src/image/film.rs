@@ -8,7 +8,7 @@
 //! A sample that is not finite is never turned black: it is refused, counted by cause and listed.
 
 use crate::image::Buffer;
-use crate::image::batches::Sharing;
+use crate::image::batches::{BATCHES, Sharing};
 use crate::math::moments::Moments;
 use crate::math::{DVec3, Rgb, UVec2};
 
@@ -351,8 +351,11 @@ impl Film {
 
     /// Standard error of the mean of all pixels by channel: from the variances of independent pixels, or from sums over
     /// whole samples where pixels share light paths. `None` with too few samples, or if shared noise is unknown.
-    pub fn mean_error(&self) -> Option<DVec3> {
-        match &self.sharing {
+    /// Beside it the number of batches of samples from which shared noise is known.
+    pub fn mean_error(&self) -> Option<(DVec3, usize)> {
+        let samples = self.pixels.iter().map(|m| m.n as usize).max();
+        let batches = samples.unwrap_or(0).min(BATCHES);
+        let error = match &self.sharing {
             Sharing::None if self.pixels.iter().all(|m| m.n > 1) => {
                 let variance: DVec3 = self.pixels.iter().map(Moments::variance_of_mean).sum();
                 Some(variance.powf(0.5) / self.pixels.len() as f64)
@@ -363,7 +366,8 @@ impl Film {
             }
             Sharing::Stated(error) => Some(*error),
             _ => None,
-        }
+        };
+        error.map(|error| (error, batches))
     }
 
     /// Norm of [`Film::mean_error`] over the norm of the mean, across channels: 0.01 for a mean known to 1 %.
@@ -372,18 +376,7 @@ impl Film {
         let mean = sum.length() / self.pixels.len() as f64;
         (self.mean_error())
             .filter(|_| mean > 0.0)
-            .map(|error| error.length() / mean)
-    }
-
-    /// An error unless both films have the same window of the same frame.
-    pub fn same_place(&self, other: &Self) -> Result<(), FilmError> {
-        if self.size != other.size || self.window != other.window {
-            return Err(FilmError::Differ {
-                a: (self.size, self.window),
-                b: (other.size, other.window),
-            });
-        }
-        Ok(())
+            .map(|(error, _)| error.length() / mean)
     }
 
     // ── tiles ──

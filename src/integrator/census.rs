@@ -14,19 +14,16 @@ struct Census {
     regularised: u64,
 }
 
-/// Share of the vertices that are regularised, along the paths with these sample numbers through the window of `film`,
-/// which is not changed; zero without vertices.
-pub fn regularised_share(
-    settings: &Settings,
-    view: &View<'_>,
-    samples: Range<u32>,
-    film: &Film,
-) -> f64 {
-    let tracer = settings.tracer(settings.rule.clone());
-    let source = settings.source();
-    let mut census = Census::default();
-    tracer.estimate(view, &source, samples, &mut film.clone(), &mut census);
-    census.regularised as f64 / census.vertices.max(1) as f64
+impl Settings {
+    /// Share of the vertices that are regularised, along the paths with these sample numbers through the window of `film`,
+    /// which is not changed; zero without vertices.
+    pub fn regularised_share(&self, view: &View<'_>, samples: Range<u32>, film: &Film) -> f64 {
+        let tracer = self.tracer(self.rule.clone());
+        let source = self.source();
+        let mut census = Census::default();
+        tracer.estimate(view, &source, samples, &mut film.clone(), &mut census);
+        census.regularised as f64 / census.vertices.max(1) as f64
+    }
 }
 
 impl PathObserver for Census {

@@ -31,7 +31,6 @@ use crate::math::UVec2;
 use crate::math::moments::Moments;
 pub use amounts::{Amounts, LevelError, RadiusFactors, Scales};
 pub use aov::{Aovs, FirstHit, Recorded, centre};
-pub use census::regularised_share;
 pub(crate) use path::PathTracer;
 pub use settings::{Estimator, Settings};
 use std::ops::Range;

@@ -51,7 +51,7 @@ fn over_seeds(scene: &Scene, estimator: Estimator, size: (Place, u32)) -> (DVec3
         let sum: DVec3 = film.pixels.iter().map(|m| m.mean).sum();
         means.push(sum / film.pixels.len() as f64);
         let square = |film: &Film| {
-            let error = film.mean_error().expect("enough samples");
+            let (error, _) = film.mean_error().expect("enough samples");
             error * error / SEEDS as f64
         };
         stated += square(&film);

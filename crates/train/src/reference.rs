@@ -10,7 +10,7 @@ use crate::manifest::{CROP, Manifest, SceneEntry};
 use opsr::files::{self, FileError, hex};
 use opsr::image::Film;
 use opsr::image::exr::{self, Metadata};
-use opsr::image::film::Window;
+use opsr::image::film::{FilmError, Window};
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::{DVec3, UVec2};
 use opsr::scene::{Camera, Scene};
@@ -79,7 +79,10 @@ impl Reference {
             let stored = exr::read_film(&path)?;
             let metadata = exr::read_layers(&path)?.metadata;
             check(&path, &stamp, &metadata)?;
-            film.same_place(&stored).map_err(place)?;
+            let [a, b] = [&film, &stored].map(|film| (film.size, film.window));
+            if a != b {
+                return Err(place(FilmError::Differ { a, b }));
+            }
             let samples = metadata.get("spp").and_then(|n| n.parse().ok());
             next = samples
                 .ok_or_else(|| FileError::content(&path, "no number of samples in its metadata"))?;

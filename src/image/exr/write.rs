@@ -43,7 +43,7 @@ pub(crate) fn write_film_beside<'a>(
     let mut header = header.into();
     let mut metadata = header.metadata.clone();
     if film.sharing != Sharing::None
-        && let Some(error) = film.mean_error()
+        && let Some((error, _)) = film.mean_error()
     {
         metadata.insert(
             MEAN_ERROR.into(),

@@ -91,8 +91,9 @@ impl Named {
         if let Some((_, from)) = self.part.as_mut().filter(|(_, from)| to.inside(from)) {
             let (x, y) = ((to.x - from.x) as usize, (to.y - from.y) as usize);
             let old = &self.picture;
-            self.picture =
-                Buffer::from_fn(to.w as usize, to.h as usize, |i, j| old.get(x + i, y + j));
+            self.picture = Buffer::from_fn(to.w as usize, to.h as usize, |i, j| {
+                old.pixels[(y + j) * old.width + x + i]
+            });
             *from = to;
         }
     }

@@ -26,7 +26,7 @@
 use std::fmt;
 
 use super::student;
-use opsr::image::batches::{BATCHES, Sharing};
+use opsr::image::batches::Sharing;
 use opsr::image::film::{Film, FilmError, Window};
 use opsr::math::DVec3;
 use opsr::math::moments::Moments;
@@ -155,8 +155,14 @@ impl fmt::Display for Agreement {
 /// assert!(!agree(&film(0.0), &film(0.1)).unwrap().passed());
 /// ```
 pub fn agree(a: &Film, b: &Film) -> Result<Agreement, FilmError> {
-    a.same_place(b)?;
-    Ok(compare(a, b))
+    let [a_place, b_place] = [a, b].map(|film| (film.size, film.window));
+    match a_place == b_place {
+        true => Ok(compare(a, b)),
+        false => Err(FilmError::Differ {
+            a: a_place,
+            b: b_place,
+        }),
+    }
 }
 
 /// The known noise of a film's mean.
@@ -175,10 +181,10 @@ impl Known {
         if film.sharing == Sharing::None {
             return Self::Pixels;
         }
-        let samples = film.pixels.iter().map(|m| m.n as usize).max();
-        let batches = samples.unwrap_or(0).min(BATCHES);
         match film.mean_error() {
-            Some(error) if batches > 1 => Self::Whole(error * error, (batches - 1) as f64),
+            Some((error, batches)) if batches > 1 => {
+                Self::Whole(error * error, (batches - 1) as f64)
+            }
             _ => Self::Nothing,
         }
     }

@@ -21,7 +21,7 @@ use opsr::files::{self, Problem, hex};
 use opsr::image::denoise::Denoiser;
 use opsr::image::film::Film;
 use opsr::image::{Buffer, exr};
-use opsr::integrator::{Picture, regularised_share};
+use opsr::integrator::Picture;
 use opsr::math::UVec2;
 use opsr::pilot::stopwatch::Stopwatch;
 use opsr::render::value::{Crop, Size};
@@ -313,7 +313,7 @@ impl Bench<'_> {
             }
         }
         let run = Run {
-            regularised: regularised_share(settings, &view, 0..CENSUS, &scene.blank),
+            regularised: settings.regularised_share(&view, 0..CENSUS, &scene.blank),
             scene: spec.name.clone(),
             method: name.to_owned(),
             seed,
