@@ -212,7 +212,7 @@ impl Scene {
     }
 
     fn __repr__(&self) -> String {
-        let triangles = self.world.geometry().len();
+        let triangles = self.world.geometry().triangle_count();
         format!(
             "<opsr.Scene {}: {triangles} triangles>",
             self.path.display()

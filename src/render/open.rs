@@ -253,7 +253,7 @@ impl Spec {
             }
         };
         warnings.extend_from_slice(scene.warnings());
-        if scene.geometry().is_empty() {
+        if scene.geometry().triangle_count() == 0 {
             warnings.push("the scene has no surface: its light alone is seen".into());
         }
         if self.env.is_none() && reflects_nothing(&scene) {

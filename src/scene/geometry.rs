@@ -249,13 +249,8 @@ impl Geometry {
     }
 
     /// Number of triangles, including those of every instance.
-    pub fn len(&self) -> usize {
+    pub fn triangle_count(&self) -> usize {
         self.single() + self.instances.as_ref().map_or(0, Instances::triangle_count)
-    }
-
-    /// True if there is no triangle.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// Number of triangles that no instances share: the first in scene order, and the only ones that emit.
@@ -1003,7 +998,7 @@ mod tests {
         let geometry = Geometry::build(&parts, true, &mut Vec::new());
         let every = |run: Run| run.every(0, 1);
         let all: Vec<TriangleId> = geometry.runs().into_iter().flat_map(every).collect();
-        assert!(all.is_sorted() && all.len() == geometry.len());
+        assert!(all.is_sorted() && all.len() == geometry.triangle_count());
         let is_silver = |i: &TriangleId| geometry.triangle_material(*i) == 1;
         let silver: Vec<_> = all.into_iter().filter(is_silver).collect();
         assert_eq!(silver.len(), 8 * 12);

@@ -203,7 +203,7 @@ fn bvh_of_an_empty_scene_has_no_hits() {
     let parts = parts_of(vec![]);
     let geometry = geometry_of(&parts);
     let ray = Ray::new(Vec3::ZERO, Vec3::Z);
-    assert!(geometry.is_empty());
+    assert!(geometry.triangle_count() == 0);
     assert!(geometry.intersect(&parts, &ray).is_none());
     assert!(!geometry.occluded(&parts, &ray));
     assert_eq!(geometry.bounds(), (Vec3::ZERO, Vec3::ZERO));
@@ -226,7 +226,7 @@ fn degenerate_triangles_are_dropped_and_counted() {
     let parts = parts_of(vec![mesh_of(&square(1.0, 1.0)), bad]);
     let mut warnings = Vec::new();
     let geometry = Geometry::build(&parts, true, &mut warnings);
-    assert_eq!(geometry.len(), 4);
+    assert_eq!(geometry.triangle_count(), 4);
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     assert!(
         warnings[0].contains("mesh 1: dropped 6 of 8"),

@@ -143,7 +143,7 @@ fn number(geometry: &Geometry, id: TriangleId) -> usize {
     match id.instance() as usize {
         0 => index,
         instance => {
-            let of_each = (geometry.len() - single) / geometry.instances();
+            let of_each = (geometry.triangle_count() - single) / geometry.instances();
             single + (instance - 1) * of_each + (index - single) % of_each
         }
     }
@@ -155,7 +155,10 @@ fn instances_are_met_where_their_copies_are() {
         let parts = crowd(size, instances);
         let (shared, copies) = (built(parts.clone()), built(copied(&parts)));
         let (a, b) = (shared.geometry(), copies.geometry());
-        assert_eq!((a.len(), a.instances()), (b.len(), 3 * instances));
+        assert_eq!(
+            (a.triangle_count(), a.instances()),
+            (b.triangle_count(), 3 * instances)
+        );
         assert!(a.stored() * instances < b.stored() + 3 * instances);
         let (low, high) = b.bounds();
         let (least, most) = a.bounds();
@@ -257,7 +260,7 @@ fn instances_show_more_triangles_than_32_bits_count() {
     let scene = built(parts);
     let geometry = scene.geometry();
     assert_eq!(geometry.instances(), instances as usize);
-    let of_each = geometry.len() / geometry.instances();
+    let of_each = geometry.triangle_count() / geometry.instances();
     assert!(of_each * geometry.instances() > 1 << 32, "{of_each}");
     assert!(geometry.stored() < 70_000, "{}", geometry.stored());
     let mut rng = rng(21);
@@ -505,7 +508,7 @@ fn load_shares_meshes_whose_copies_would_take_much_memory() {
     assert_eq!(parts.shared[0].poses.len(), 1001);
     assert_eq!(parts.meshes.len(), 1, "a pose that flattens is copied");
     let scene = built(parts);
-    assert_eq!(scene.geometry().len(), 1002 * 9800);
+    assert_eq!(scene.geometry().triangle_count(), 1002 * 9800);
     let ray = Ray::new(Vec3::new(-0.5, 9.0, 0.4), Vec3::NEG_Y);
     let surface = scene.surface(&scene.intersect(&ray).expect("the mirrored instance"));
     assert!(

@@ -220,7 +220,7 @@ fn every_light_that_reaches_a_point_has_a_probability() {
     let scene = scene(all_light_kinds());
     let (lights, parts) = (scene.lights(), scene.parts());
     let area = lights.emissive_triangles();
-    assert_eq!(area, scene.geometry().len());
+    assert_eq!(area, scene.geometry().triangle_count());
     let mut u = stream(6);
     for _ in 0..400 {
         let from = 8.0 * (Vec3::new(u.next_1d(), u.next_1d(), u.next_1d()) - Vec3::splat(0.5));

@@ -95,7 +95,7 @@ fn self_intersection_on_flat_ground_of_mixed_triangles() {
         let mut rng = rng(50);
         for _ in 0..20_000 {
             let [a, b, c] = geometry.triangle(TriangleId::single(
-                rng.random_range(0..geometry.len() as u32),
+                rng.random_range(0..geometry.triangle_count() as u32),
             ));
             let (u, v) = (rng.random::<f32>(), rng.random::<f32>());
             let on = a + u * (b - a) + v * (1.0 - u) * (c - a);

@@ -151,7 +151,7 @@ impl FinishedRender<'_> {
             "scene": {
                 "file": self.request.subject.name,
                 "sha256": self.opened.sha256,
-                "triangles": scene.geometry().len(),
+                "triangles": scene.geometry().triangle_count(),
                 "emissive_triangles": scene.lights().emissive_triangles(),
                 "materials": scene.parts().materials.len(),
             },

@@ -115,7 +115,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let (low, high) = scene.bounds();
     let advice = advise(scene);
     serde_json::json!({
-        "triangles": own(scene.geometry().len()),
+        "triangles": own(scene.geometry().triangle_count()),
         "meshes": parts.meshes.len() - usize::from(parts.has_floor) + scene.geometry().instances(),
         "shared": {
             "meshes": parts.shared.len(),

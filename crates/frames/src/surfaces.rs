@@ -134,7 +134,7 @@ impl Surfaces {
 /// finite without a hit or where the triangle is another one in `other`; `None` if nothing has moved.
 pub fn places(hits: &[Option<Hit>], scene: &Scene, other: &Scene) -> Option<Vec<Vec3>> {
     let (own, there) = (scene.geometry(), other.geometry());
-    let alike = own.len() == there.len();
+    let alike = own.triangle_count() == there.triangle_count();
     let place = |hit: &Option<Hit>| {
         let Some(hit) = hit else {
             return (true, Vec3::INFINITY);

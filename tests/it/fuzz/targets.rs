@@ -410,7 +410,7 @@ pub(crate) fn gltf() -> Target {
                 Estimator::Mlt { mutations: 1 },
             ];
             let settings = Settings {
-                estimator: others[scene.geometry().len() % others.len()],
+                estimator: others[scene.geometry().triangle_count() % others.len()],
                 ..settings
             };
             if settings.check_scene(&scene).is_ok() {

@@ -65,7 +65,7 @@ pub(super) fn prepare(
     let scene = Scene::new(parts);
     let camera = camera(spec, &scene)?;
     let blank = Film::cropped(spec.frame(), spec.window()).map_err(|e| fault(spec, e))?;
-    let triangles = scene.geometry().len();
+    let triangles = scene.geometry().triangle_count();
     let mut prepared = Prepared {
         scene,
         camera,
