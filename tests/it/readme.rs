@@ -171,14 +171,19 @@ fn is_there(file: &str) -> bool {
     STAND_INS.contains(&file) || root().join(file).exists()
 }
 
-/// Names of all tests of this binary, ignored ones included.
+/// Names of all tests of this binary, ignored ones included, and the source of `tests/unit`.
 fn tests() -> String {
     let program = std::env::current_exe().expect("this program");
     let output = Command::new(program)
         .arg("--list")
         .output()
         .expect("a list");
-    String::from_utf8(output.stdout).expect("UTF-8")
+    let mut all = String::from_utf8(output.stdout).expect("UTF-8");
+    let mut files = Vec::new();
+    crate::architecture::sources(&root().join("tests/unit"), &mut files);
+    let read = |file| std::fs::read_to_string(file).expect("a source file");
+    all.extend(files.into_iter().map(read));
+    all
 }
 
 fn cargo_faults(arguments: &[String]) -> Option<String> {

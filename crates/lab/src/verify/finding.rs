@@ -1,4 +1,4 @@
-//! What a check found.
+//! Finding of a check: the largest value and its bound.
 
 /// Result of one check.
 #[derive(Clone, Debug)]
