@@ -3,8 +3,8 @@ use crate::integrator::bidirectional::Radius;
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, View};
 use crate::math::{Rgb, UVec2, Vec3};
-use crate::unit::{materials, shapes};
 use crate::scene::{Scene, SceneParts};
+use crate::unit::{materials, shapes};
 
 /// Plates above each other with a lamp at the top.
 fn plates() -> Scene {
