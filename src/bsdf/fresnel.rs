@@ -45,7 +45,7 @@ pub fn conductor(cos: f32, eta: f32, k: f32) -> f32 {
 }
 
 /// Cosine-weighted mean of [`dielectric`] over the hemisphere, 2 ∫₀¹ F(c) c dc, by Gauss's rule in pieces.
-pub fn dielectric_average(eta: f32) -> f32 {
+pub(crate) fn dielectric_average(eta: f32) -> f32 {
     const PIECES: u32 = 256;
     let mut sum = 0.0;
     for i in 0..PIECES {

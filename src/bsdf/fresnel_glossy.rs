@@ -1,7 +1,7 @@
 //! Microfacet reflection by Fresnel's equations: a metal of complex index, or a dielectric coat over a Lambertian base.
 //! Scenes of other renderers use them; glTF uses Schlick's approximation, see [`Glossy`](super::Glossy).
 
-use super::fresnel::{conductor, dielectric};
+use super::fresnel::{conductor, dielectric, dielectric_average};
 use super::lobes::{above, delta, finish, mirror, reflection};
 use super::{BsdfSample, DELTA_ALPHA, Distribution, Lobe, LobeNumbers, LobeQuery};
 use crate::math::{Rgb, Vec2, Vec3, luminance, warp};
@@ -26,6 +26,17 @@ pub enum Interface {
         /// Mean of the coat's reflectance over the cosine-weighted hemisphere.
         average: f32,
     },
+}
+
+impl Interface {
+    /// A coat of this index over a base of this reflectance.
+    pub fn coat(eta: f32, albedo: Rgb) -> Self {
+        Self::Coat {
+            eta,
+            albedo,
+            average: dielectric_average(eta),
+        }
+    }
 }
 
 /// Microfacet reflection by Fresnel's equations, over a Lambertian base or none.

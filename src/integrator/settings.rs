@@ -211,7 +211,7 @@ impl Settings {
     }
 
     /// An error unless the estimator and its rule support these amounts.
-    pub fn check_amounts(&self) -> Result<(), LevelError> {
+    pub(crate) fn check_amounts(&self) -> Result<(), LevelError> {
         match (self.estimator, &self.amounts) {
             (_, Amounts::Raw) => Ok(()),
             (Estimator::Sppm(_), Amounts::Radii(_)) => Ok(()),

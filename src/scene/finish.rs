@@ -3,7 +3,7 @@
 use super::lamp::Lamp;
 use super::material::{Coordinates, Material, SampledValues, TextureRef};
 use super::{Scene, SceneParts, Surface, Texture};
-use crate::bsdf::fresnel::conductor;
+use crate::bsdf::fresnel::{conductor, dielectric_average};
 use crate::bsdf::{
     Bsdf, Covers, Diffuse, Film, FresnelGlossy, Glossy, Interface, Sheen, anisotropic, covered,
     iridescent, translucent,
@@ -110,6 +110,16 @@ pub enum ExactCover {
 }
 
 impl ExactCover {
+    /// A layer of index `eta`; with `saturates`, interreflection between base and layer saturates the base's colour.
+    pub fn coat(eta: f32, saturates: bool) -> Self {
+        let outside = dielectric_average(eta);
+        let inside = 1.0 - (1.0 - outside) / (eta * eta);
+        let inside = if saturates { inside } else { 0.0 };
+        Self::Coat {
+            averages: [outside, inside],
+        }
+    }
+
     /// Effective albedo of a base under the cover, for light that the cover transmits: a + a² r + … by interreflection
     /// with the layer, over the same sum of a white base. Unchanged for a metal.
     pub fn effective_albedo(&self, albedo: Rgb) -> Rgb {

@@ -604,7 +604,7 @@ impl Surface {
         Ray::new(self.position + side * self.ng, dir)
     }
 
-    /// A ray from the surface, offset so that it does not meet it again; its direction may be below the plane of a
+    /// A ray from the surface, offset so that it does not hit it again; its direction may be below the plane of a
     /// triangle of a curved surface.
     #[inline]
     pub fn spawn_leaving(&self, dir: Vec3) -> Ray {

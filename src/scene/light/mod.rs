@@ -13,11 +13,8 @@ mod punctual;
 pub mod sky;
 mod tree;
 
-pub(crate) use aim::Aim;
-pub(crate) use aim::AimShares;
-pub(crate) use aim::Target;
-pub(crate) use emission::EmissionDensity;
-pub(crate) use emission::EmissionSample;
+pub(crate) use aim::{Aim, AimShares, Target};
+pub(crate) use emission::{EmissionDensity, EmissionSample};
 pub use environment::{Environment, read_hdr};
 pub use punctual::{Falloff, PunctualLight};
 

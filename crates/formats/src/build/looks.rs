@@ -2,7 +2,6 @@
 
 use super::Builder;
 use glam::Affine2;
-use opsr::bsdf::fresnel::dielectric_average;
 use opsr::math::{Rgb, Vec2, luminance};
 use opsr::scene::finish::{ExactCover, Mix, Translucency};
 use opsr::scene::{AlphaMode, Material, Texels, Texture, TextureRef, Wrap};
@@ -96,10 +95,7 @@ pub fn coated(eta: f32, base: Paint, reflected: Rgb, alpha: f32, saturates: bool
         alpha,
         ..surface(base)
     };
-    let outside = dielectric_average(eta);
-    let inside = 1.0 - (1.0 - outside) / (eta * eta);
-    let averages = [outside, if saturates { inside } else { 0.0 }];
-    material.finish_mut().exact = Some(ExactCover::Coat { averages });
+    material.finish_mut().exact = Some(ExactCover::coat(eta, saturates));
     material
 }
 

@@ -1,6 +1,5 @@
 //! BSDFs for the checks.
 
-use opsr::bsdf::fresnel::dielectric_average;
 use opsr::bsdf::{
     Bsdf, Covers, Dielectric, Diffuse, Distribution, Film, Glossy, Sheen, ThinDielectric,
     anisotropic, covered, iridescent, translucent,
@@ -120,11 +119,7 @@ pub fn exact_metal(alpha: f32, distribution: Distribution) -> Bsdf {
 /// A coloured base under an interface of index 1.5.
 pub fn exact_plastic(alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::FresnelGlossy(FresnelGlossy {
-        interface: Interface::Coat {
-            eta: 1.5,
-            albedo: Rgb::new(0.9, 0.5, 0.1),
-            average: dielectric_average(1.5),
-        },
+        interface: Interface::coat(1.5, Rgb::new(0.9, 0.5, 0.1)),
         tint: Rgb::ONE,
         alpha,
         distribution,
