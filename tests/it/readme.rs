@@ -171,8 +171,9 @@ fn is_there(file: &str) -> bool {
     STAND_INS.contains(&file) || root().join(file).exists()
 }
 
-/// Names of all tests of this binary, ignored ones included, and the source of `tests/unit`.
-fn tests() -> String {
+/// Names of the tests that `cargo test` runs with these arguments: all of this binary, ignored ones included, and
+/// without `--test` also those of the library's modules in `tests/unit`.
+fn tests(of_library: bool) -> String {
     let program = std::env::current_exe().expect("this program");
     let output = Command::new(program)
         .arg("--list")
@@ -180,9 +181,22 @@ fn tests() -> String {
         .expect("a list");
     let mut all = String::from_utf8(output.stdout).expect("UTF-8");
     let mut files = Vec::new();
-    crate::architecture::sources(&root().join("tests/unit"), &mut files);
-    let read = |file| std::fs::read_to_string(file).expect("a source file");
-    all.extend(files.into_iter().map(read));
+    if of_library {
+        crate::architecture::sources(&root().join("tests/unit"), &mut files);
+    }
+    for file in files {
+        let text = std::fs::read_to_string(&file).expect("a source file");
+        let module = file.with_extension("");
+        let module = module.strip_prefix(root().join("tests")).expect("a module");
+        let module = module.to_string_lossy().replace('/', "::");
+        for item in text.split("#[test]").skip(1) {
+            let name = item
+                .split_once("fn ")
+                .and_then(|(_, name)| name.split_once('('));
+            let name = name.map_or("", |(name, _)| name);
+            all += &format!("{module}::{name}: test\n");
+        }
+    }
     all
 }
 
@@ -217,9 +231,10 @@ fn cargo_faults(arguments: &[String]) -> Option<String> {
     let mut words = own.iter().skip(1).filter(|word| !is_value(word));
     let filter = words.rfind(|a| !a.starts_with('-'));
     match (own.first()?.as_str(), filter) {
-        ("test", Some(filter)) if value("--test") != Some(filter) => (!tests()
-            .contains(filter.as_str()))
-        .then(|| format!("no test has `{filter}` in its name")),
+        ("test", Some(filter)) if value("--test") != Some(filter) => {
+            (!tests(value("--test").is_none()).contains(filter.as_str()))
+                .then(|| format!("no test has `{filter}` in its name"))
+        }
         ("test" | "build" | "bench" | "fmt" | "clippy", _) => None,
         ("run", _) if value("--example").is_some() => None,
         (other, _) => Some(format!("cargo {other} is not known here")),
@@ -663,7 +678,7 @@ fn sources(folder: &Path, to: &mut Vec<PathBuf>) {
 fn cited_sections_of_the_method_exist() {
     let method = read("docs/method.md");
     let mut files = Vec::new();
-    for folder in ["src", "crates", "tests/it", "tests/bench"] {
+    for folder in ["src", "crates", "tests/it", "tests/unit", "tests/bench"] {
         sources(&root().join(folder), &mut files);
     }
     let mut cited = 0;

@@ -1,4 +1,4 @@
-//! Its checks.
+//! The laboratory's checks.
 
 #[path = "../../../crates/lab/src/verify/bsdfs.rs"]
 #[allow(dead_code, unreachable_pub)]
