@@ -391,6 +391,10 @@ plant "layers: one number decides two of them" src/scene/layers.rs \
     's/\*u = \(\*u - opacity\) \/ \(1\.0 - opacity\);//' opacity::stacked_layers_show_the_product_of_their_opacities
 plant "layers: hidden backs dim a light path's connection to the camera" src/integrator/walk/mod.rs \
     's/scene\.has_panes\(\) \|\| scene\.has_layers\(\)/scene.has_panes()/' opacity::agreement_of_path_and_bdpt_through_hidden_backs
+plant "first sample: bdpt is not tried in place of vcm" src/pilot/first_sample.rs \
+    's/\.chain\(others\)/.chain([])/' lib::pilot::first_sample::tests::dearest_contender_that_fits_replaces_one_that_does_not
+plant "first sample: it has the time of the render" src/integrator/stop.rs \
+    's/FIRST_OVERRUN: u32 = 2/FIRST_OVERRUN: u32 = 1/' lib::integrator::stop::tests::first_sample_has_twice_the_time_and_at_least_half_a_second
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

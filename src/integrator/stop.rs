@@ -3,8 +3,8 @@
 //! The driver of pieces checks before every tile, chunk of light paths, or chain. The results of a pass that ends early
 //! are dropped: a picture holds whole samples only, so that it can be resumed and merged bit for bit. The first pass is
 //! the exception, since there is no other picture: its finished tiles or chains are kept, and no checkpoint is made of
-//! it. In the first pass shared work such as light paths ends at half of the time limit. The dependent steps get at
-//! least as much time as the shared work took.
+//! it. The first sample has twice the time limit of the render. In it, shared work such as light paths ends at half of
+//! that. The dependent steps get at least as much time as the shared work took.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -13,7 +13,12 @@ use std::time::{Duration, Instant};
 const FIRST: Duration = Duration::from_millis(500);
 
 /// Time limit of the first sample over that of the render: a picture without holes is worth the delay.
-pub(crate) const FIRST_OVERRUN: u32 = 2;
+const FIRST_OVERRUN: u32 = 2;
+
+/// Time limit of the first sample of a render with this time limit.
+pub(crate) fn first_limit(length: Duration) -> Duration {
+    length.saturating_mul(FIRST_OVERRUN).max(FIRST)
+}
 
 /// A request to end a render, and a time at which it ends.
 #[derive(Debug, Default)]
@@ -64,8 +69,10 @@ impl<'a> Stop<'a> {
         let limit = deadline.map(|end| {
             let length = end.saturating_duration_since(begin);
             let nanos = |length: Duration| length.as_nanos().try_into().unwrap_or(u64::MAX);
-            let first_length = length.saturating_mul(FIRST_OVERRUN).max(FIRST);
-            let now = nanos(if first { first_length } else { length });
+            let now = nanos(match first {
+                true => first_limit(length),
+                false => length,
+            });
             let (length, of_others) = (now.into(), nanos(length));
             Limit {
                 begin,

@@ -3,7 +3,7 @@
 use super::window::pilot_window;
 use super::{Choice, Contender, PATHS_PER_SECOND, as_many_photons, usual_cost};
 use crate::image::film::{Film, FilmError};
-use crate::integrator::{FIRST_OVERRUN, Picture, Settings, View};
+use crate::integrator::{Picture, Settings, View, first_limit};
 use std::time::{Duration, Instant};
 
 /// Share of the pixels on which the time of a sample is measured.
@@ -11,6 +11,9 @@ const SHARE: f64 = 1.0 / 64.0;
 
 /// Largest assumed ratio of a sample's cost to its usual cost.
 const DEARER: f64 = 16.0;
+
+/// Largest assumed ratio of a measured time to that of a processor without other work.
+const SLOWED: f64 = 3.0;
 
 /// Keeps a choice if one whole sample of it fits into the time limit of the first sample of a render with the time
 /// `left`. Otherwise returns the dearest other contender whose sample fits, and path tracing if there is none, because
@@ -22,7 +25,6 @@ pub(crate) fn with_a_first_sample(
     left: Duration,
 ) -> Result<Choice, FilmError> {
     let clock = Instant::now();
-    let left = f64::from(FIRST_OVERRUN) * left.as_secs_f64();
     let frame = view.sensor.frame;
     let frames = f64::from(frame.x) * f64::from(frame.y) / view.window.len() as f64;
     let cost = |i: &usize| usual_cost(&contenders[*i], frames);
@@ -55,17 +57,18 @@ fn instead(choice: Choice, contenders: &[Contender], best: usize) -> Choice {
     }
 }
 
-/// True if a sample of a contender of this usual cost ends `left` seconds after the start of a clock, at most.
+/// True if a sample of a contender of this usual cost is within the time limit of a render that has the time `left`
+/// from the start of a clock.
 fn fits(
     contender: &Contender,
     cost: f64,
     view: &View<'_>,
-    left: f64,
+    left: Duration,
     clock: Instant,
 ) -> Result<bool, FilmError> {
     let pixels = view.window.len() as f64;
     let threads = rayon::current_num_threads() as f64;
-    if DEARER * cost * pixels / (PATHS_PER_SECOND * threads) < left {
+    if DEARER * cost * pixels / (PATHS_PER_SECOND * threads) < left.as_secs_f64() {
         return Ok(true);
     }
     let (frame, window) = pilot_window(view.sensor.frame, view.window, (SHARE * pixels) as f32);
@@ -80,14 +83,17 @@ fn fits(
     // The render repeats this preparation.
     let aim = start.elapsed().as_secs_f64();
     let mut picture = Picture::new(Film::cropped(frame, window)?);
-    let mut ends_in_time = |sample: u32| {
+    // The time of a whole sample over its limit.
+    let mut excess = |sample: u32| {
         let start = Instant::now();
         integrator.pass(&small, sample..sample + 1, &mut picture);
         let seconds = start.elapsed().as_secs_f64() * pixels / window.len() as f64;
-        clock.elapsed().as_secs_f64() + aim + seconds <= left
+        let limit = first_limit(left.saturating_sub(clock.elapsed()));
+        (aim + seconds) / limit.as_secs_f64()
     };
     // The first sample may have been slowed by other work.
-    Ok(ends_in_time(0) || ends_in_time(1))
+    let first = excess(0);
+    Ok(first <= 1.0 || first <= SLOWED && excess(1) <= 1.0)
 }
 
 #[cfg(test)]

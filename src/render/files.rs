@@ -1,4 +1,4 @@
-//! The files of a picture: formats, layers, exposure; whether they can be written.
+//! The files of a picture: formats, layers, exposure; a check that they can be written.
 
 use super::fault::Fault;
 use super::spec::Spec;

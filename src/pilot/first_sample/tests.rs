@@ -41,7 +41,7 @@ fn dearest_contender_that_fits_replaces_one_that_does_not() {
         (IntegratorKind::Vcm, Estimator::Vcm(radius)),
     ]
     .map(contender);
-    let chosen = |best: usize, seconds: f64| {
+    let choose = |contenders: &[Contender], best: usize, seconds: f64| {
         let choice = Choice {
             best,
             name: contenders[best].name(),
@@ -52,7 +52,7 @@ fn dearest_contender_that_fits_replaces_one_that_does_not() {
             seconds: 0.0,
         };
         let left = Duration::from_secs_f64(seconds);
-        let choice = with_a_first_sample(choice, &contenders, &view, left).expect("a window");
+        let choice = with_a_first_sample(choice, contenders, &view, left).expect("a window");
         assert_eq!(choice.name, contenders[choice.best].name());
         assert_eq!(choice.why.is_empty(), choice.best == best);
         contenders[choice.best].kind
@@ -61,16 +61,12 @@ fn dearest_contender_that_fits_replaces_one_that_does_not() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     pool.expect("a thread").install(|| {
         let mut times = (-4..12).map(|k| f64::from(k).exp2());
-        let fits = times.find(|time| chosen(1, *time) == IntegratorKind::Bdpt);
-        let fits = fits.expect("a time for a sample");
-        for (best, seconds, expected) in [
-            (2, 1e6, IntegratorKind::Vcm),
-            (2, 2.0 * fits, IntegratorKind::Bdpt),
-            (2, 0.0, IntegratorKind::Path),
-            (1, 0.0, IntegratorKind::Path),
-            (0, 0.0, IntegratorKind::Path),
-        ] {
-            assert_eq!(chosen(best, seconds), expected, "{best}, {seconds}");
-        }
+        let fits = times.find(|time| choose(&contenders, 1, *time) == IntegratorKind::Bdpt);
+        let seconds = 3.0 * fits.expect("a time for a sample");
+        assert_eq!(choose(&contenders, 2, 1e6), IntegratorKind::Vcm);
+        assert_eq!(choose(&contenders, 2, seconds), IntegratorKind::Bdpt);
+        assert_eq!(choose(&contenders, 0, seconds), IntegratorKind::Path);
+        let two = [contenders[0].clone(), contenders[2].clone()];
+        assert_eq!(choose(&two, 1, seconds), IntegratorKind::Path);
     });
 }

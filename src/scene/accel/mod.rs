@@ -136,7 +136,7 @@ impl Accel {
 
     /// The closest of the hits that `keep` accepts.
     #[inline]
-    pub fn closest_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
+    pub(crate) fn closest_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
         self.find_hit::<false>(ray, keep, ())
     }
 
