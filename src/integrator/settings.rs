@@ -72,7 +72,7 @@ pub struct Settings {
     pub estimator: Estimator,
     /// The rule that roughens the last vertex of a path.
     pub rule: Rule,
-    /// The films that are stored. Estimator and rule decide which are allowed ([`Settings::check_amounts`]).
+    /// The films that are stored. Estimator and rule decide which are allowed, see [`LevelError`].
     pub amounts: Amounts,
     /// The only strategy of `bdpt` or `vcm` that the picture shows, with its MIS weights; without a rule.
     pub strategy: Option<Strategy>,
@@ -105,7 +105,7 @@ impl Default for Settings {
 impl Settings {
     /// The integrator of these settings.
     ///
-    /// Panics for amounts that [`Settings::check_amounts`] refuses.
+    /// Panics for amounts that the estimator or its rule does not support.
     pub fn integrator(&self) -> Box<dyn Integrator> {
         let (strategies, merging) = match self.estimator {
             Estimator::Path { .. } => {
