@@ -19,7 +19,7 @@ impl Buffer {
     /// ```
     /// use opsr::{image::Buffer, math::Rgb};
     /// let ramp = Buffer::from_fn(4, 2, |x, _| Rgb::splat(x as f32));
-    /// assert_eq!(ramp.get(3, 1), Rgb::splat(3.0));
+    /// assert_eq!(ramp.pixels[7], Rgb::splat(3.0));
     /// ```
     pub fn from_fn(width: usize, height: usize, f: impl Fn(usize, usize) -> Rgb) -> Self {
         let pixels = (0..width * height)

@@ -114,17 +114,6 @@ impl Statement {
 }
 
 /// The statement of a film of one level.
-///
-/// ```
-/// use opsr::image::film::Film;
-/// use opsr::math::{Rgb, UVec2};
-/// use opsr::resolve::film_error;
-/// let mut film = Film::new(UVec2::new(8, 8));
-/// for sample in 0..16 {
-///     (0..64).for_each(|pixel| film.push(pixel, Rgb::ZERO, sample));
-/// }
-/// assert_eq!(film_error(&film).mean, 1.0);
-/// ```
 pub(crate) fn film_error(film: &Film) -> Statement {
     match state(film) {
         State::Unknown => Statement::UNKNOWN,

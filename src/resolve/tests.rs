@@ -1506,3 +1506,12 @@ fn alike_is_the_weight_of_a_blur_without_its_distance() {
     }
     assert!(least < 0.5, "{least}");
 }
+
+#[test]
+fn statement_of_a_black_film_is_one() {
+    let mut film = crate::image::Film::new(crate::math::UVec2::splat(8));
+    for sample in 0..16 {
+        (0..64).for_each(|pixel| film.push(pixel, Rgb::ZERO, sample));
+    }
+    assert_eq!(film_error(&film).mean, 1.0);
+}
