@@ -8,6 +8,11 @@ use opsr::render::{Fault, Heading, Names, OPTIONS, Opt, Spec};
 use serde_json::Value;
 use std::ops::Range;
 
+/// True for a key of `--set`.
+fn is_research(option: &Opt) -> bool {
+    option.heading == Heading::Research
+}
+
 /// The clap option of a declaration.
 fn arg(option: &'static Opt) -> Arg {
     let arg = Arg::new(option.name)
@@ -68,9 +73,7 @@ fn checked(option: &'static Opt, text: &str) -> Result<String, String> {
 
 /// The option `--set`, whose help lists its keys.
 fn details() -> Arg {
-    let keys = OPTIONS
-        .iter()
-        .filter(|option| option.heading == Heading::Research);
+    let keys = OPTIONS.iter().filter(|option| is_research(option));
     let keys = keys.map(|option| {
         let names = (option.names)().join("|");
         let value = match (option.value, names.as_str()) {
@@ -99,13 +102,11 @@ fn detail(text: &str) -> Result<(&'static Opt, &str), String> {
         Some((key, value)) => (key, Some(value)),
         None => (text, None),
     };
-    let option = Opt::named(key).filter(|option| option.heading == Heading::Research);
+    let option = Opt::named(key).filter(|option| is_research(option));
     let option = option.ok_or_else(|| match Opt::named(key) {
         Some(option) => format!("`{key}` is an option of its own, --{}", option.flag()),
         None => {
-            let keys = OPTIONS
-                .iter()
-                .filter(|option| option.heading == Heading::Research);
+            let keys = OPTIONS.iter().filter(|option| is_research(option));
             let keys: Vec<&str> = keys.map(|option| option.name).collect();
             format!("no key `{key}`: there are {}", keys.join(", "))
         }
@@ -139,13 +140,11 @@ fn read(matches: &ArgMatches, wanted: fn(&Opt) -> bool) -> Result<Spec, clap::Er
     };
     if OPTIONS
         .iter()
-        .any(|option| option.heading == Heading::Research && wanted(option))
+        .any(|option| is_research(option) && wanted(option))
     {
         read_details(&mut spec, matches).map_err(fault)?;
     }
-    let flags = OPTIONS
-        .iter()
-        .filter(|option| option.heading != Heading::Research);
+    let flags = OPTIONS.iter().filter(|option| !is_research(option));
     for option in flags.filter(|option| wanted(option)) {
         let name = option.name;
         if matches.value_source(name) != Some(ValueSource::CommandLine) {
@@ -176,7 +175,7 @@ macro_rules! groups {
                     let (details, flags): (Vec<_>, Vec<_>) = OPTIONS
                         .iter()
                         .filter(|option| wanted(option))
-                        .partition(|option| option.heading == Heading::Research);
+                        .partition(|option| is_research(option));
                     let of_film = flags.iter().all(|option| option.heading == Heading::Files || option.of_film);
                     let flag = |option: &'static Opt| match of_film && option.name == "aov" {
                         true => level_layers(arg(option)),

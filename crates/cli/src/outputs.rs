@@ -23,14 +23,14 @@ fn version(file: &Path) -> Option<Version> {
 }
 
 /// True for a name with this ending, in any case of letters.
-fn ends(file: &Path, ending: &str) -> bool {
-    let found = file.extension().and_then(|e| e.to_str());
-    found.is_some_and(|found| found.eq_ignore_ascii_case(ending))
+pub(super) fn has_ending(file: &Path, ending: &str) -> bool {
+    file.extension()
+        .is_some_and(|found| found.eq_ignore_ascii_case(ending))
 }
 
 /// An error for layers without an EXR file, and for options of file formats that are not written.
 pub(super) fn check_layers(spec: &Spec, files: &[PathBuf]) -> Result<(), Fault> {
-    let has = |ending| files.iter().any(|file| ends(file, ending));
+    let has = |ending| files.iter().any(|file| has_ending(file, ending));
     let (exr, png) = (has("exr"), has("png"));
     let layers = "adds layers to EXR files: add -o with a name that ends in .exr";
     let (of_exr, of_png) = (
@@ -54,7 +54,7 @@ impl Outputs {
     /// Checks before anything is rendered that the files can be written at all.
     pub(super) fn new(files: &[PathBuf]) -> Result<Self, Fault> {
         for file in files {
-            if !(ends(file, "exr") || ends(file, "png")) {
+            if !(has_ending(file, "exr") || has_ending(file, "png")) {
                 let what = "expected a name that ends in .exr or .png";
                 return Err(Fault::usage(format!("{}: {what}", file.display())));
             }
@@ -74,7 +74,7 @@ impl Outputs {
 
     /// True if a PNG file is among them, so that the exposure matters.
     pub(super) fn has_png(&self) -> bool {
-        self.files.iter().any(|file| ends(file, "png"))
+        self.files.iter().any(|file| has_ending(file, "png"))
     }
 
     /// The files that another program has made or changed since the last check or write.

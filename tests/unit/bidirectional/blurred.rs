@@ -14,7 +14,7 @@ use crate::unit::metric::{energy_ratio, mape};
 use crate::unit::support::render::scene;
 use std::ops::Range;
 
-const SIZE: UVec2 = UVec2::new(48, 36);
+pub(super) const SIZE: UVec2 = UVec2::new(48, 36);
 
 const RADIUS: Radius = Radius {
     first: None,
@@ -40,19 +40,19 @@ fn settings(estimator: Estimator, amounts: Amounts, seed: u64) -> Settings {
     }
 }
 
-fn add(scene: &Scene, settings: &Settings, samples: Range<u32>, picture: &mut Picture) {
+pub(super) fn add(scene: &Scene, settings: &Settings, samples: Range<u32>, picture: &mut Picture) {
     let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
     settings.integrator().pass(&view, samples, picture);
     assert_eq!(picture.film.rejected.total(), 0);
 }
 
-fn render(scene: &Scene, settings: &Settings, spp: u32) -> Picture {
+pub(super) fn render(scene: &Scene, settings: &Settings, spp: u32) -> Picture {
     let mut picture = Picture::new(Film::new(SIZE));
     add(scene, settings, 0..spp, &mut picture);
     picture
 }
 
-fn levels(picture: &Picture) -> &LevelFilm {
+pub(super) fn levels(picture: &Picture) -> &LevelFilm {
     picture.levels.as_ref().expect("levels")
 }
 

@@ -1,21 +1,17 @@
 //! Photon density at several radii of the same photons.
 
+use super::blurred::{SIZE, add, levels, render};
 use crate::image::Buffer;
-use crate::image::film::{Film, Window};
-use crate::image::level_film::LevelFilm;
+use crate::image::film::Window;
 use crate::integrator::amounts::RADII;
 use crate::integrator::bidirectional::Radius;
-use crate::integrator::{Amounts, Estimator, LevelError, Picture, Settings, View};
-use crate::math::UVec2;
+use crate::integrator::{Amounts, Estimator, LevelError, Settings, View};
 use crate::pilot::witness::missing_light;
 use crate::resolve::{Resolve, resolve_film};
 use crate::scene::Scene;
 use crate::unit::lab::gallery::{builtin, caustic_box};
 use crate::unit::metric::{energy_ratio, mape};
 use crate::unit::support::render::scene;
-use std::ops::Range;
-
-const SIZE: UVec2 = UVec2::new(48, 36);
 
 /// Settings at radii with these factors; without factors at one radius, as usual.
 fn settings(estimator: Estimator, radii: &[f32], seed: u64) -> Settings {
@@ -29,22 +25,6 @@ fn settings(estimator: Estimator, radii: &[f32], seed: u64) -> Settings {
         seed,
         ..Settings::default()
     }
-}
-
-fn add(scene: &Scene, settings: &Settings, samples: Range<u32>, picture: &mut Picture) {
-    let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
-    settings.integrator().pass(&view, samples, picture);
-    assert_eq!(picture.film.rejected.total(), 0);
-}
-
-fn render(scene: &Scene, settings: &Settings, spp: u32) -> Picture {
-    let mut picture = Picture::new(Film::new(SIZE));
-    add(scene, settings, 0..spp, &mut picture);
-    picture
-}
-
-fn levels(picture: &Picture) -> &LevelFilm {
-    picture.levels.as_ref().expect("levels")
 }
 
 fn first(scene: &Scene) -> f32 {

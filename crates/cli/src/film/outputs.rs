@@ -3,7 +3,7 @@
 use super::super::exit::{Blame, IntoExit};
 use super::super::output::{command, percent};
 use super::movie::Movie;
-use crate::outputs::{Outputs, check_distinct, check_layers};
+use crate::outputs::{Outputs, check_distinct, check_layers, has_ending};
 use anyhow::anyhow;
 use opsr::image::display::Display;
 use opsr::image::exr::{self, Header, Layer, Metadata};
@@ -188,11 +188,6 @@ fn fps(metadata: &Metadata) -> f64 {
     let moment = metadata.get("at").and_then(|text| text.split_once('@'));
     let fps = moment.and_then(|(_, fps)| fps.parse().ok());
     fps.filter(|fps| *fps > 0.0).unwrap_or(24.0)
-}
-
-fn has_ending(file: &Path, wanted: &str) -> bool {
-    file.extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case(wanted))
 }
 
 /// A layer of one number per pixel.
