@@ -152,6 +152,10 @@ plant "light layers count every way in full" src/integrator/aov.rs \
     's/share \* part/part/' lib::unit::aov::aov_light_split_adds_up_and_equals_short_paths
 plant "a reflection at glass is drawn" src/integrator/bidirectional/paths.rs \
     's/Ways::all\(\)/Ways::drawn()/' lib::unit::bidirectional::ways::glass_shows_what_it_reflects_and_what_is_behind_it_in_every_sample
+plant "camera walks end inside dark glass" src/integrator/bidirectional/paths.rs \
+    's/!dirac_only\s+\&\& n >=/n >=/' lib::unit::bidirectional::ways::dark_glass_adds_no_noise_to_what_is_behind_it
+plant "walks behind dark glass end early" src/integrator/bidirectional/paths.rs \
+    's/walk\.reset_roulette\(\);//' lib::unit::bidirectional::ways::dark_glass_adds_no_noise_to_what_is_behind_it
 plant "photons count at the radius that first reaches them alone" src/integrator/bidirectional/merge.rs \
     's/sum \+= sums\[level\]/sum = sums[level]/' lib::unit::bidirectional::radii::levels_are_pictures_at_their_radii
 plant "light by way of casters counts twice" src/integrator/path/mod.rs \

@@ -81,7 +81,8 @@ pub struct Settings {
     pub sampler: SamplerKind,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
-    /// Vertex (from 1) at which Russian roulette begins. Ways through glass have a separate roulette.
+    /// Vertex (from 1) at which Russian roulette begins. Ways through glass have a separate roulette. Camera walks of
+    /// `bdpt` and `vcm` have none before their first draw from a lobe that is not Dirac.
     pub roulette_start: u32,
     /// Seed of all random numbers.
     pub seed: u64,

@@ -29,7 +29,8 @@ pub(crate) struct Bidirectional {
     pub split: Option<Accumulated>,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
-    /// Vertex (from 1) at which Russian roulette of camera walks begins; that of light walks begins three earlier.
+    /// Vertex (from 1) at which Russian roulette of camera walks begins, but not before the first draw from a lobe
+    /// that is not Dirac; that of light walks begins three earlier.
     pub roulette_start: u32,
     /// Seed of all random numbers.
     pub seed: u64,

@@ -237,6 +237,9 @@ impl Iteration<'_> {
                 true => ways.choose(&vertex.bsdf, vertex.alpha, vertex.local, u.lobe),
                 false => u.lobe,
             };
+            if dirac_only {
+                walk.reset_roulette();
+            }
             let drawn = walk.scatter(&vertex, lobe);
             let is_first = dirac_only && drawn == Some(ScatterKind::Smooth);
             if let Some(smooth) = drawn.and_then(ScatterKind::smooth) {
@@ -257,7 +260,10 @@ impl Iteration<'_> {
             {
                 break;
             }
-            if n >= self.settings.roulette_start && walk.survive(u.roulette).is_none() {
+            if !dirac_only
+                && n >= self.settings.roulette_start
+                && walk.survive(u.roulette).is_none()
+            {
                 break;
             }
         }

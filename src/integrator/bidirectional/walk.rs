@@ -300,6 +300,12 @@ impl<'a> WeightedWalk<'a> {
         self.base.survive_with(chance, u, &mut ()).then_some(())
     }
 
+    /// [`Walk::reset_roulette`].
+    #[inline]
+    pub(super) fn reset_roulette(&mut self) {
+        self.base.reset_roulette();
+    }
+
     /// Russian roulette; `None` for a walk that ends.
     #[inline]
     pub(super) fn survive(&mut self, u: f32) -> Option<()> {

@@ -371,6 +371,12 @@ impl<'a> Walk<'a> {
         self.pixel = PixelCone::default();
     }
 
+    /// Relates later roulette to the throughput so far: a loss before this vertex does not end the walk.
+    #[inline]
+    pub(super) fn reset_roulette(&mut self) {
+        self.roulette_scale = 1.0 / self.throughput.max_element().max(f32::MIN_POSITIVE);
+    }
+
     /// Russian roulette with survival probability `chance` in (0, 1]; false for a walk that ends. `u` is uniform in
     /// [0, 1), and is rescaled to be so again if the walk survives.
     #[inline]

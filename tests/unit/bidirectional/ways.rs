@@ -7,7 +7,7 @@ use crate::math::{Rgb, Vec3};
 use crate::regularise::Rule;
 use crate::scene::{Material, Mesh, SceneParts};
 use crate::unit::drawn::drawn;
-use crate::unit::lab::gallery::materials::{coated, diffuse, emitter, glass};
+use crate::unit::lab::gallery::materials::{coated, diffuse, emitter, glass, tinted_glass};
 use crate::unit::lab::gallery::shapes::{cuboid, quad};
 use crate::unit::support::render::{film_with, mean, scene};
 use std::f32::consts::FRAC_1_SQRT_2 as COS;
@@ -127,5 +127,48 @@ fn agreement_with_drawn_ways_behind_a_pane() {
             z.abs() < 4.0,
             "{estimator:?}: {found} ± {own} for {expected} ± {error}"
         );
+    }
+}
+
+/// Three panes of dark glass darken all samples of what is behind them equally: none ends in the glass by roulette.
+#[test]
+fn dark_glass_adds_no_noise_to_what_is_behind_it() {
+    let room = |absorption: f32, material: Material| {
+        let mut parts = SceneParts::default();
+        let wall = quad(Vec3::new(-3.0, -1.0, -1.0), 6.0 * Vec3::X, 6.0 * Vec3::Y);
+        let floor = quad(Vec3::new(-3.0, -1.0, 1.0), 6.0 * Vec3::X, -2.0 * Vec3::Z);
+        parts.add(material, [wall, floor]);
+        let lamp = quad(Vec3::new(2.0, 0.0, 0.0), -Vec3::Z, Vec3::Y);
+        let both_sides = Material {
+            double_sided: true,
+            ..emitter("lamp", Rgb::splat(10.0))
+        };
+        parts.add(both_sides, [lamp]);
+        // Equal indices, so that nothing is reflected.
+        let dark = tinted_glass("dark", 1.0, 0.0, Rgb::splat(absorption));
+        let pane = |z: f32| cuboid(Vec3::new(-0.3, -0.3, z), Vec3::new(0.3, 0.3, z + 0.1));
+        parts.add(dark, [3.0, 3.2, 3.4].map(pane));
+        parts.add_camera([0.0, 0.0, 5.0], [0.0, 0.0, 0.0], 2.0);
+        scene(parts)
+    };
+    let rooms = [0.0, 6.0].map(|absorption| room(absorption, diffuse("room", Rgb::splat(0.7))));
+    let glowing = room(6.0, emitter("room", Rgb::ONE));
+    let transmittance = (-0.3f32 * 6.0).exp();
+    for estimator in [Estimator::Bdpt, Estimator::Vcm(Radius::default())] {
+        let settings = Settings {
+            estimator,
+            ..Settings::default()
+        };
+        let [clear, dark] =
+            (rooms.each_ref()).map(|room| film_with(room, &settings, 8, 4).mean().pixels);
+        for (dark, clear) in dark.iter().zip(&clear) {
+            assert!(clear.x > 0.0, "{estimator:?}: black");
+            let ratio = dark.x / (transmittance * clear.x);
+            assert!((ratio - 1.0).abs() < 0.01, "{estimator:?}: {ratio}");
+        }
+        for pixel in &film_with(&glowing, &settings, 8, 1).mean().pixels {
+            let ratio = pixel.x / transmittance;
+            assert!((ratio - 1.0).abs() < 0.01, "{estimator:?}: {ratio}");
+        }
     }
 }
