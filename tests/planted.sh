@@ -156,6 +156,8 @@ plant "camera walks end inside dark glass" src/integrator/bidirectional/paths.rs
     's/!dirac_only\s+\&\& n >=/n >=/' lib::unit::bidirectional::ways::dark_glass_adds_no_noise_to_what_is_behind_it
 plant "walks behind dark glass end early" src/integrator/bidirectional/paths.rs \
     's/walk\.reset_roulette\(\);//' lib::unit::bidirectional::ways::dark_glass_adds_no_noise_to_what_is_behind_it
+plant "a polished wall guides blurs by what its base scatters to" src/integrator/walk/features.rs \
+    's/const BASE: f32 = 0\.04/const BASE: f32 = 4.0/' lib::unit::bidirectional::blurred::guides_of_a_polished_wall_are_its_own
 plant "photons count at the radius that first reaches them alone" src/integrator/bidirectional/merge.rs \
     's/sum \+= sums\[level\]/sum = sums[level]/' lib::unit::bidirectional::radii::levels_are_pictures_at_their_radii
 plant "light by way of casters counts twice" src/integrator/path/mod.rs \

@@ -6,7 +6,12 @@ use crate::image::level_film::Features;
 /// Roughness from which the features of a vertex itself guide the blur, and not those of the next vertex.
 const ROUGH: f32 = 0.05;
 
-/// Features of a path so far: of its first vertex, and of its first rough vertex, or the last if none is rough.
+/// Reflectance of a diffuse base from which they do at any roughness of the gloss above it, which reflects about as
+/// much. Where paths leave from the base, their next vertices are anywhere.
+const BASE: f32 = 0.04;
+
+/// Features of a path so far: of its first vertex, and of its first rough vertex, or the last if none is rough. A polished
+/// surface with a diffuse base counts as rough.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::integrator) struct PathFeatures {
     values: Features,
@@ -28,7 +33,7 @@ impl PathFeatures {
             self.values[4..].copy_from_slice(&[x, y, z, distance, r, g, b]);
         }
         self.values[..4].copy_from_slice(&[x, y, z, length + distance]);
-        self.is_rough = vertex.alpha >= ROUGH;
+        self.is_rough = vertex.alpha >= ROUGH || vertex.bsdf.base_albedo().max_element() >= BASE;
     }
 
     /// Adds a share of the features of one way of the path.

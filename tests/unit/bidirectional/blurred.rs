@@ -5,10 +5,12 @@ use crate::image::film::Film;
 use crate::image::level_film::LevelFilm;
 use crate::integrator::bidirectional::Radius;
 use crate::integrator::{Amounts, Aovs, Estimator, FirstHit, LevelError, Picture, Settings, View};
-use crate::math::UVec2;
+use crate::math::{Rgb, UVec2, Vec3};
 use crate::regularise::Rule;
 use crate::resolve::{Resolve, resolve_film};
-use crate::scene::Scene;
+use crate::scene::{Environment, Material, Scene, SceneParts};
+use crate::unit::lab::gallery::materials::{coated, diffuse, metal};
+use crate::unit::lab::gallery::shapes::quad;
 use crate::unit::lab::gallery::{builtin, caustic_box};
 use crate::unit::metric::{energy_ratio, mape};
 use crate::unit::support::render::scene;
@@ -187,6 +189,35 @@ fn blurs_have_less_error_and_keep_the_light() {
                 _ => 0.04,
             };
             assert!((energy - 1.0).abs() < lost, "{name}: {energy}");
+        }
+    }
+}
+
+/// A polished wall with a diffuse base guides blurs by itself, and polished metal by the floor that it reflects.
+#[test]
+fn guides_of_a_polished_wall_are_its_own() {
+    let facing = |material: Material| {
+        let mut parts = SceneParts::default();
+        let wall = quad(Vec3::new(-3.0, -3.0, 0.0), 6.0 * Vec3::X, 6.0 * Vec3::Y);
+        let floor = quad(Vec3::new(-9.0, -1.0, 9.0), 18.0 * Vec3::X, -9.0 * Vec3::Z);
+        parts.add(material, [wall]);
+        parts.add(diffuse("floor", Rgb::splat(0.5)), [floor]);
+        parts.add_camera([0.0, 1.0, 3.0], [0.0, 0.0, 0.0], 10.0);
+        parts.environment = Some(Environment::constant(Rgb::ONE));
+        scene(parts)
+    };
+    let cases = [
+        (coated("tiles", Rgb::splat(0.5), 0.01), Vec3::Z),
+        (metal("steel", Rgb::splat(0.5), 0.01), Vec3::Y),
+    ];
+    for (material, normal) in cases {
+        let scene = facing(material);
+        for estimator in ESTIMATORS {
+            let picture = render(&scene, &settings(estimator, Amounts::Blurred, 1), 2);
+            for [x, y, z, ..] in levels(&picture).features() {
+                let own = Vec3::new(x, y, z);
+                assert!(own.distance(normal) < 0.01, "{estimator:?}: {own}");
+            }
         }
     }
 }
