@@ -233,12 +233,10 @@ impl Iteration<'_> {
             if strategies == Strategies::All {
                 total.add_extra(self.hard_part(&prefix, &vertex, share, &u));
             }
-            let lobe = match dirac_only {
-                true => ways.choose(&vertex.bsdf, vertex.alpha, vertex.local, u.lobe),
-                false => u.lobe,
-            };
+            let mut lobe = u.lobe;
             if dirac_only {
                 walk.reset_roulette();
+                lobe = ways.choose(&vertex.bsdf, vertex.alpha, vertex.local, lobe);
             }
             let drawn = walk.scatter(&vertex, lobe);
             let is_first = dirac_only && drawn == Some(ScatterKind::Smooth);
