@@ -7,8 +7,9 @@
  *   At a vertex of roughness alpha a light sample is evaluated at the roughness of every level, with one shadow ray; where
  *   no level roughens, the light goes to all levels and to the sum of what they share, P.
  *   Features of a path, for blurs that stop at edges, zero where there is no surface: normal of the first vertex of
- *   roughness 0.05 or more, and the length of the path to it (of the last vertex where none is); normal of the first
- *   vertex, its distance, its reflectance (that of the base below a coat or sheen). Eleven numbers, averaged over all samples.
+ *   roughness 0.05 or more, or with a diffuse base of reflectance 0.04 or more, and the length of the path to it (of the
+ *   last vertex where none is); normal of the first vertex, its distance, its reflectance (that of the base below a coat
+ *   or sheen). Eleven numbers, averaged over all samples.
  *
  * Formulas: docs/method.md, "Levels". Everything is linear radiance; a factor on all light changes nothing but the error.
  * Memory: about 1 kB a pixel while it runs; a large picture may be cut into tiles with 48 pixels around them.
