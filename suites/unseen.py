@@ -323,11 +323,15 @@ def references(folder, program, samples):
                 print(name, size, f"average error {json.load(file)['mean_relative_error']:.4f}", flush=True)
 
 
-if __name__ == "__main__":
+def main(usage):
     match sys.argv[1:]:
         case ["scenes", folder]:
             write(folder)
         case ["references", folder, *rest]:
             references(folder, rest[0] if rest else "target/release/opsr", int(rest[1]) if len(rest) > 1 else 128)
         case _:
-            sys.exit(__doc__)
+            sys.exit(usage)
+
+
+if __name__ == "__main__":
+    main(__doc__)

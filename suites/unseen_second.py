@@ -7,7 +7,6 @@
 
 import math
 import random
-import sys
 
 import unseen
 from unseen import (
@@ -154,10 +153,4 @@ def facade():
 unseen.SCENES = [jeweller, swimming_hall, chapel, bottles, headlight, kitchen, snow_globe, mirror_room, lampshade, facade]
 
 if __name__ == "__main__":
-    match sys.argv[1:]:
-        case ["scenes", folder]:
-            unseen.write(folder)
-        case ["references", folder, *rest]:
-            unseen.references(folder, rest[0] if rest else "target/release/opsr", int(rest[1]) if len(rest) > 1 else 128)
-        case _:
-            sys.exit(__doc__)
+    unseen.main(__doc__)
