@@ -401,6 +401,12 @@ plant "first sample: bdpt is not tried in place of vcm" src/pilot/first_sample.r
     's/\.chain\(others\)/.chain([])/' lib::pilot::first_sample::tests::dearest_contender_that_fits_replaces_one_that_does_not
 plant "first sample: it has the time of the render" src/integrator/stop.rs \
     's/FIRST_OVERRUN: u32 = 2/FIRST_OVERRUN: u32 = 1/' lib::integrator::stop::tests::first_sample_has_twice_the_time_and_at_least_half_a_second
+plant "caustics: those of large lamps count as rare" src/integrator/bidirectional/caustics.rs \
+    's/RARE: f64 = 1000\.0/RARE: f64 = 1.0/' \
+    lib::integrator::bidirectional::caustics::tests::share_of_a_mirrors_caustic_is_that_of_its_light
+plant "caustics: those of mirrors call for no photons" src/pilot/mod.rs \
+    's/CAUSTICS: f64 = 0\.005/CAUSTICS: f64 = 1.0/' \
+    lib::unit::pilot::pilot_chooses_the_integrator_of_the_suite_scenes
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

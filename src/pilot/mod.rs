@@ -1,10 +1,11 @@
 //! The integrator of a scene, chosen by a pilot without a reference.
 //!
-//! The scene's lights and materials suggest one of the contenders ([`advise`]), which is taken unless the pilot shows
-//! that another is clearly better. In a race, all contenders render the scene small for about the same work, those far
-//! behind drop out, and the others double their samples, until one is left or a twentieth of the render's work is
-//! spent. There is no race if that is less than the first round. The pilot's samples are no part of the picture.
-//! `judge` compares its pictures.
+//! The scene's lights and materials suggest one of the contenders ([`advise`]), and light paths show whether mirrors
+//! throw caustics that camera paths rarely find. The suggestion is taken unless the pilot shows that another contender
+//! is clearly better. In a race, all contenders render the scene small for about the same work, those far behind drop
+//! out, and the others double their samples, until one is left or a twentieth of the render's work is spent. There is no
+//! race if that is less than the first round. The pilot's samples are no part of the picture. `judge` compares its
+//! pictures.
 //!
 //! Work is counted in camera paths, at the usual cost of each integrator's samples, so that a choice depends on its
 //! arguments alone. If the render's length is in seconds, the clock can also end a race.
@@ -17,7 +18,7 @@ pub(crate) mod window;
 pub mod witness;
 
 use crate::image::film::{Film, FilmError};
-use crate::integrator::bidirectional::{MAX_LIGHT_PATHS, Radius};
+use crate::integrator::bidirectional::{MAX_LIGHT_PATHS, Radius, Strategies};
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Integrator, Picture, Settings, View};
 use crate::math::UVec2;
@@ -260,6 +261,36 @@ fn sharp(scene: &Scene) -> [bool; 2] {
     found
 }
 
+/// Share of rare caustics from which the light of mirrors calls for photons.
+const CAUSTICS: f64 = 0.005;
+
+/// [`advise`] for a view: photons in place of camera paths if mirrors throw caustics that camera paths rarely find.
+fn advise_view(view: &View<'_>, contenders: &[Contender]) -> Advice {
+    let scene = view.scene;
+    let advice = advise(scene);
+    let [_, mirror] = sharp(scene);
+    let area = scene.lights().emissive_triangles() > 0;
+    let throws_caustics = |c: &Contender| {
+        c.kind == IntegratorKind::Vcm
+            && c.settings.check_scene(scene).is_ok()
+            && c.settings
+                .bidirectional(Strategies::All)
+                .rare_caustics(view)
+                >= CAUSTICS
+    };
+    if advice.kind.is_path()
+        && mirror
+        && (area || has_sun(scene))
+        && contenders.iter().any(throws_caustics)
+    {
+        return Advice {
+            kind: IntegratorKind::Vcm,
+            why: "a small lamp or a sun, and mirrors: caustics that camera paths rarely find",
+        };
+    }
+    advice
+}
+
 /// Indices of the contenders that the pilot should try: those that support the scene and could be best.
 fn worth_a_try(contenders: &[Contender], scene: &Scene) -> Vec<usize> {
     let lit = !scene.lights().is_empty();
@@ -316,7 +347,7 @@ pub(crate) fn choose_integrator(
     let (scene, camera) = (view.scene, view.sensor.camera);
     let places = worth_a_try(contenders, scene);
     let tried: Vec<&Contender> = places.iter().map(|&i| &contenders[i]).collect();
-    let advice = advise(scene);
+    let advice = advise_view(view, contenders);
     let advised = advised_index(advice.kind, &tried);
     let pixels = window.len() as f64;
     let frames = f64::from(frame.x) * f64::from(frame.y) / pixels;

@@ -46,6 +46,7 @@ fn pilot_chooses_the_integrator_of_the_suite_scenes() {
         ("street-lamp", "levels"),
         ("sun-through-pane", "levels"),
         ("glossy_corridor", "levels"),
+        ("ring-under-lamp", "vcm"),
         ("caustic-box", "vcm"),
         ("caustic-behind-glass", "vcm"),
         ("three-boxes", "vcm"),

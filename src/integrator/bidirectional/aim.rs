@@ -21,6 +21,7 @@ use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
 use crate::scene::light::aim::MIN_UNIFORM;
 use crate::scene::{Aim, AimShares, EmissionSample, Material, Scene, Target};
 use rayon::prelude::*;
+use std::f32::consts::PI;
 use std::sync::Arc;
 
 /// Number of pilot light paths.
@@ -46,7 +47,7 @@ const LATTICE: u32 = 32;
 /// Most Dirac lobes that such a ray follows, and most sharp surfaces between the camera and a vertex of a light path.
 const MAX_SHARP: u32 = 8;
 
-/// Most triangles or points that are clustered; a larger set is subsampled.
+/// Most triangles that are clustered; a larger set is subsampled.
 const MAX_ITEMS: usize = 1 << 16;
 
 /// Most groups of lights, each with its own beam.
@@ -80,17 +81,14 @@ impl Bidirectional {
         if lights.is_empty() {
             return Aim::default();
         }
-        let targets = candidates(view, self.merging.map_or(0.0, |radius| radius.first(view)));
+        let radius = self.merging.map_or(0.0, |radius| radius.first(view));
+        let targets = candidates(view, radius, MAX_ITEMS);
         if targets.is_empty() {
             return Aim::default();
         }
-        lights.index();
-        let groups = lights.groups(scene.geometry(), GROUPS);
-        let count = groups.iter().max().map_or(0, |&last| usize::from(last) + 1);
-        let each = 0.5 / targets.len() as f32;
-        let even = AimShares::new(targets.iter().map(|&target| (target, each)).collect());
-        let first = Aim::new(vec![Some(even); count], groups.clone());
+        let (groups, first) = even_aim(scene, &targets);
         let found = self.try_aim(view, &first, &targets);
+        let count = groups.iter().max().map_or(0, |&last| usize::from(last) + 1);
         let beams = (0..count)
             .map(|group| {
                 let own = |path: &&PilotPath| usize::from(groups[path.light as usize]) == group;
@@ -100,31 +98,13 @@ impl Bidirectional {
         Aim::new(beams, groups)
     }
 
-    /// Traces pilot light paths with this aim; returns those with a visible vertex.
+    /// Traces pilot light paths with this aim; returns those with a visible vertex, and the squares of their
+    /// contributions.
     fn try_aim(&self, view: &View<'_>, aim: &Aim, targets: &[Target]) -> Vec<PilotPath> {
-        let iteration = self.iteration(view, aim, 0, None);
-        let source = Independent {
-            seed: Seed(self.seed).derive(Domain::Aim, 0),
-        };
-        let chunks: Vec<Vec<(PilotPath, Vec<VisibleVertex>)>> = (0..PILOT_PATHS / CHUNK)
-            .into_par_iter()
-            .map(|chunk| {
-                (chunk * CHUNK..(chunk + 1) * CHUNK)
-                    .filter_map(|i| {
-                        let mut stream = source.stream(UVec2::new(i, 0), 0);
-                        iteration.trace_pilot(&mut stream, targets)
-                    })
-                    .collect()
-            })
-            .collect();
-        let all: Vec<_> = chunks.into_iter().flatten().collect();
-        let mut brightness = vec![0.0; (CELLS * CELLS) as usize];
-        for vertex in all.iter().flat_map(|(_, visible)| visible) {
-            brightness[vertex.cell] += vertex.value;
-        }
-        let mean = brightness.iter().sum::<f64>() / brightness.len() as f64;
+        let all = self.pilot_paths(view, aim, targets, PILOT_PATHS);
+        let brightness = Brightness::of(&all, CELLS);
         let relative = |vertex: &VisibleVertex| {
-            let value = vertex.value / brightness[vertex.cell].max(0.1 * mean);
+            let value = vertex.value / brightness.around(vertex);
             vertex.weight * value * value
         };
         let squared = |(path, visible): (PilotPath, Vec<VisibleVertex>)| PilotPath {
@@ -135,10 +115,82 @@ impl Bidirectional {
             .filter(|path| path.squared > 0.0)
             .collect()
     }
+
+    /// Traces a number of pilot light paths with this aim; returns those with a visible vertex, and these vertices.
+    pub(super) fn pilot_paths(
+        &self,
+        view: &View<'_>,
+        aim: &Aim,
+        targets: &[Target],
+        paths: u32,
+    ) -> Vec<(PilotPath, Vec<VisibleVertex>)> {
+        let iteration = self.iteration(view, aim, 0, None);
+        let source = Independent {
+            seed: Seed(self.seed).derive(Domain::Aim, 0),
+        };
+        let trace = |i: u32| {
+            let mut stream = source.stream(UVec2::new(i, 0), 0);
+            iteration.trace_pilot(&mut stream, targets)
+        };
+        let chunk = |chunk: u32| (chunk * CHUNK..(chunk + 1) * CHUNK).filter_map(trace);
+        let chunks = (0..paths / CHUNK).into_par_iter();
+        let chunks: Vec<Vec<_>> = chunks.map(|i| chunk(i).collect()).collect();
+        chunks.into_iter().flatten().collect()
+    }
+}
+
+/// The groups of a scene's lights, and half of the light of each aimed evenly at targets, if there are any.
+pub(super) fn even_aim(scene: &Scene, targets: &[Target]) -> (Vec<u8>, Aim) {
+    let lights = scene.lights();
+    lights.index();
+    let groups = lights.groups(scene.geometry(), GROUPS);
+    if targets.is_empty() {
+        return (groups, Aim::default());
+    }
+    let count = groups.iter().max().map_or(0, |&last| usize::from(last) + 1);
+    let each = 0.5 / targets.len() as f32;
+    let even = AimShares::new(targets.iter().map(|&target| (target, each)).collect());
+    let aim = Aim::new(vec![Some(even); count], groups.clone());
+    (groups, aim)
+}
+
+/// Sums of contributions in every cell of the picture, and their mean.
+pub(super) struct Brightness {
+    /// Cells per side, a divisor of [`CELLS`].
+    side: u32,
+    cells: Vec<f64>,
+    mean: f64,
+}
+
+impl Brightness {
+    pub(super) fn of(found: &[(PilotPath, Vec<VisibleVertex>)], side: u32) -> Self {
+        let mut brightness = Self {
+            side,
+            cells: vec![0.0; (side * side) as usize],
+            mean: 0.0,
+        };
+        for vertex in found.iter().flat_map(|(_, visible)| visible) {
+            let cell = brightness.cell(vertex);
+            brightness.cells[cell] += vertex.value;
+        }
+        let sum: f64 = brightness.cells.iter().sum();
+        brightness.mean = sum / brightness.cells.len() as f64;
+        brightness
+    }
+
+    fn cell(&self, vertex: &VisibleVertex) -> usize {
+        let at = vertex.cell / (CELLS / self.side);
+        (at.y * self.side + at.x) as usize
+    }
+
+    /// The sum in the cell of a vertex, at least a tenth of the mean.
+    pub(super) fn around(&self, vertex: &VisibleVertex) -> f64 {
+        self.cells[self.cell(vertex)].max(0.1 * self.mean)
+    }
 }
 
 /// A pilot light path with a visible vertex.
-struct PilotPath {
+pub(super) struct PilotPath {
     light: u32,
     /// Sum of the squares of its contributions.
     squared: f64,
@@ -147,10 +199,15 @@ struct PilotPath {
 }
 
 /// A visible vertex of a light path.
-struct VisibleVertex {
-    cell: usize,
-    value: f64,
+pub(super) struct VisibleVertex {
+    /// Column and row of its cell.
+    cell: UVec2,
+    /// Its contribution to the picture, summed over the pixels.
+    pub(super) value: f64,
     weight: f64,
+    /// For light by way of sharp surfaces alone, about the radiance of a camera path that finds it by a draw from its
+    /// BSDF: infinite for lights that no ray can hit. 0 for other light.
+    pub(super) sample: f64,
 }
 
 impl Iteration<'_> {
@@ -165,7 +222,9 @@ impl Iteration<'_> {
         let mut walk = WeightedWalk::light(scene, &start, self.light_merging, self.merge_rule);
         let mut visible = Vec::new();
         let connects = self.strategies.connects();
-        let mut caustic = false;
+        let (mut caustic, mut rough) = (false, false);
+        // Radiance of the light over the flux of the path.
+        let per_flux = start.pdf.position * start.pdf.direction / start.cos;
         for n in 1..=self.settings.max_vertices {
             let Some(arrival) = walk.arrive(stream) else {
                 break;
@@ -182,15 +241,16 @@ impl Iteration<'_> {
                 (true, _) => EASY_WEIGHT,
             };
             if !vertex.is_delta() {
-                visible.extend(self.visible_vertex(&vertex, weight));
+                let per_flux = if caustic && !rough { per_flux } else { 0.0 };
+                visible.extend(self.visible_vertex(&vertex, weight, per_flux));
             }
             let Some(drawn) = walk.scatter(&vertex, u.lobe) else {
                 break;
             };
-            caustic |= drawn == ScatterKind::Dirac
-                || (drawn == ScatterKind::Smooth
-                    && vertex.alpha < SHARP
-                    && vertex.bsdf.is_delta_at(0.0));
+            let is_smooth = drawn == ScatterKind::Smooth;
+            let sharp = vertex.alpha < SHARP && vertex.bsdf.is_delta_at(0.0);
+            caustic |= drawn == ScatterKind::Dirac || (is_smooth && sharp);
+            rough |= is_smooth && !sharp;
             if n + ROULETTE_LEAD >= self.settings.roulette_start
                 && walk.survive(u.roulette).is_none()
             {
@@ -202,7 +262,7 @@ impl Iteration<'_> {
     }
 
     /// Contribution of a light path's vertex, if need be straight through sharp surfaces; `None` if it is hidden.
-    fn visible_vertex(&self, vertex: &Vertex, weight: f64) -> Option<VisibleVertex> {
+    fn visible_vertex(&self, vertex: &Vertex, weight: f64, per_flux: f32) -> Option<VisibleVertex> {
         let scene = self.view.scene;
         let sight = (self.view.sensor).see(vertex.surface.position, Vec2::ZERO)?;
         let eval = vertex.towards_camera(sight.wo)?;
@@ -223,13 +283,16 @@ impl Iteration<'_> {
             ray.t_max = t_max;
         }
         let value = luminance(vertex.throughput * eval.value);
+        // A direction drawn by its cosine scatters π times the BSDF.
+        let sample = f64::from(PI * value * per_flux);
         let value = f64::from(value) * f64::from(sight.pdf_area(vertex.cos(sight.wo)));
         let frame = self.view.sensor.frame;
         let cell = sight.pixel * CELLS / frame;
         (value > 0.0 && value.is_finite()).then_some(VisibleVertex {
-            cell: (cell.y * CELLS + cell.x) as usize,
+            cell,
             value,
             weight,
+            sample,
         })
     }
 }
@@ -318,8 +381,9 @@ fn normalise(shares: &mut [f64]) {
     }
 }
 
-/// Spheres at which light may be aimed. Those of visible surfaces are enlarged by `around`, the merge radius.
-fn candidates(view: &View<'_>, around: f32) -> Vec<Target> {
+/// Spheres at which light may be aimed, around at most `most` triangles. Those of visible surfaces are enlarged by
+/// `around`, the merge radius.
+pub(super) fn candidates(view: &View<'_>, around: f32, most: usize) -> Vec<Target> {
     let scene = view.scene;
     let reach = scene.lights().reach();
     let mut targets = Vec::new();
@@ -338,7 +402,7 @@ fn candidates(view: &View<'_>, around: f32) -> Vec<Target> {
         targets.extend(clusters.filter(wide).map(grown));
     };
     add(
-        clustered(sharp_triangles(scene), MAX_SHARP_TARGETS, reach),
+        clustered(sharp_triangles(scene, most), MAX_SHARP_TARGETS, reach),
         0.0,
         MAX_SHARP_RADIUS,
     );
@@ -356,14 +420,14 @@ fn is_sharp(material: &Material) -> bool {
     !material.is_rough() && material.alpha < SHARP && !material.is_pane()
 }
 
-/// Corners of the triangles that throw caustics, at most [`MAX_ITEMS`] triangles.
-fn sharp_triangles(scene: &Scene) -> Vec<Vec<Vec3>> {
+/// Corners of the triangles that throw caustics, at most `most` triangles.
+fn sharp_triangles(scene: &Scene, most: usize) -> Vec<Vec<Vec3>> {
     let sharp: Vec<bool> = scene.parts().materials.iter().map(is_sharp).collect();
     if !sharp.contains(&true) {
         return Vec::new();
     }
     let geometry = scene.geometry();
-    let some = geometry.some_of(MAX_ITEMS, |material| sharp[material as usize]);
+    let some = geometry.some_of(most, |material| sharp[material as usize]);
     let corners = |i| geometry.triangle(i).to_vec();
     some.into_iter().map(corners).collect()
 }

@@ -12,6 +12,7 @@
 //! |---|---|
 //! | `estimator` | the settings |
 //! | `aim`, `aim_cache` | targets of light paths: surfaces that throw caustics, and visible surfaces |
+//! | `caustics` | a measure of caustics that camera paths rarely find |
 //! | `weights` | multiple importance sampling over all strategies: pure recursions |
 //! | `vertex` | a scattering vertex: its value, the densities of both walks, and whether its neighbours may merge |
 //! | `walk` | one walk from either end: edges, draws, partial sums of the weights |
@@ -33,6 +34,7 @@ mod aim_cache;
 #[cfg(test)]
 #[path = "../../../tests/unit/audit/mod.rs"]
 mod audit;
+mod caustics;
 mod connect;
 mod estimator;
 mod iteration;
