@@ -35,11 +35,11 @@ impl Bidirectional {
         }
         let targets = candidates(&whole, 0.0, MAX_ITEMS);
         let (_, aim) = even_aim(scene, &targets);
-        let found = Self {
+        let unseeded = Self {
             seed: 0,
             ..self.clone()
         };
-        let found = found.pilot_paths(&whole, &aim, &targets, PATHS);
+        let found = unseeded.pilot_paths(&whole, &aim, &targets, PATHS);
         let brightness = Brightness::of(&found, CELLS);
         let cells = f64::from(CELLS * CELLS);
         // The contributions to a cell are the radiances of its pixels, times the number of paths.
